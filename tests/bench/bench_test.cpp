@@ -45,7 +45,7 @@ TEST(Bench, ReportsEachCaseAgainstPeaksOfTheSameRun) {
   EXPECT_NE(bench::table(report).find("conv3d/small.16.128-128"), std::string::npos);
 }
 
-// At the sizes that they are timed at: what a benchmark gives an operation suits it, and something comes out.
+// Runs each operation at the benchmark's sizes: the inputs fit the operation, and it gives a result.
 TEST(Bench, RunsEveryOperation) {
   std::vector<std::string> most = bench::operation_names();
   most.erase(std::remove(most.begin(), most.end(), "sparse_conv"), most.end());
@@ -60,11 +60,11 @@ TEST(Bench, RunsEveryOperation) {
       EXPECT_GT(r.median_s, 0) << r.suite << "/" << r.name;
       EXPECT_GT(r.gflops + r.gbs, 0) << r.suite << "/" << r.name << ": its launches say what they cost";
       EXPECT_TRUE(r.kind == bench::Kind::compute || r.kind == bench::Kind::memory);
-      EXPECT_LE(r.error.value_or(0), 1e-4) << r.suite << "/" << r.name;  // most are looked at, not compared
+      EXPECT_LE(r.error.value_or(0), 1e-4) << r.suite << "/" << r.name;  // most are sampled, not compared
     }
   };
   run(most, "");
-  run({"sparse_conv"}, "forward");  // backward it takes ten seconds, at the paper's size
+  run({"sparse_conv"}, "forward");  // the backward pass takes ten seconds at the paper's size
   EXPECT_EQ(ran.size(), bench::operation_names().size());
 }
 
@@ -98,7 +98,7 @@ TEST(Bench, DrawsScenesAndSaysWhereTheirTimeWent) {
   }
 }
 
-// A folder's scenes instead: the same one, written and read again.
+// With the scenes of a folder instead: the same scene, written and read back.
 TEST(Bench, DrawsTheScenesOfAFolder) {
   const test::TemporaryFolder folder;
   const bench::BenchScene made = bench::make_scene("small-5k");
@@ -135,7 +135,7 @@ TEST(Bench, MakesScenesOfTheSizesTheyAreNamedFor) {
   EXPECT_THROW(bench::make_scene("slab"), Error);
 }
 
-// Of a model small enough for a test.
+// Uses a model small enough for a test.
 TEST(Bench, TrainsAndSaysWhichKernelTookHowLong) {
   const test::TemporaryFolder folder;
   bench::Options options;
@@ -173,7 +173,7 @@ TEST(Bench, RefusesOtherThanFourViewsToTrainOn) {
   EXPECT_THROW(bench::run(test::context(Flavour::cpu), options), Error);
 }
 
-// In the first case, too, once a run of it was timed.
+// The first case must say so as well, once one of its runs was timed.
 TEST(Bench, SaysHowLongItWillTake) {
   bench::Options options;
   options.suites = {"scan"};
@@ -188,7 +188,7 @@ TEST(Bench, SaysHowLongItWillTake) {
   EXPECT_GT(told[4].second, 0);
 }
 
-// Every layer at sampled outputs; a stage's limit is what its kernels could be done in.
+// Every layer is checked at sampled outputs; a stage's limit is the minimum time of its kernels.
 TEST(Bench, ANetworkIsCheckedAndStandsAgainstItsStagesLimits) {
   bench::Options options;
   options.suites = {"model"};
@@ -214,7 +214,7 @@ TEST(Bench, ANetworkIsCheckedAndStandsAgainstItsStagesLimits) {
   EXPECT_EQ(json["results"][0]["by_stage"].size(), r.by_stage.size());
 }
 
-// A weight that the device does not have is told by the layer where it counts.
+// A weight that is wrong on the device is found in the layer that uses it.
 TEST(Bench, AWrongLayerOfANetworkIsNamed) {
   Context& ctx = test::context(Flavour::cpu);
   bench::ModelInput in = bench::model_input(ctx, "tiny");
@@ -231,7 +231,7 @@ TEST(Bench, AWrongLayerOfANetworkIsNamed) {
     EXPECT_GT(bench::model_error(ctx, other, model, &worst), 1e-3);
     EXPECT_EQ(worst.rfind(layer, 0), 0u) << worst;
   }
-  // Of a stage whose results the forward and its own layers are compared by.
+  // A stage's result is compared both from the forward pass and from its own layers.
   bench::ModelInput other = in;
   HostTensor changed = in.weights.at("volume_network.conv_out.bias");
   for (float& v : changed.data) v += 0.5f;
@@ -240,7 +240,8 @@ TEST(Bench, AWrongLayerOfANetworkIsNamed) {
   EXPECT_EQ(worst, "volume");
 }
 
-// By turns with ours where they were there when this was built; else the report says that they were not.
+// Other libraries run in alternation with ours if they were present at build time; otherwise the report says that they
+// were not.
 TEST(Bench, TimesOtherLibrariesAtTheSameTask) {
   Context& ctx = test::context(Flavour::cpu);
   bench::Options options;

@@ -10,7 +10,7 @@ namespace {
 
 using Is = bool (*)(const FileBytes&);
 
-// Of one format, so that each gets as much time as every other.
+// Fuzzes a single format, so that each format gets the same time.
 void picture(Is is, std::string_view bytes) {
   static MemoryFile file;
   file.fill(bytes);

@@ -17,7 +17,7 @@
 namespace vsplat::fuzz {
 namespace {
 
-// An empty mesh and an empty HDF5 file: what is in them is what the reader says.
+// An empty mesh and an empty HDF5 file; the reader's messages determine their content.
 class Files {
  public:
   Files() {
@@ -39,7 +39,7 @@ class Files {
   std::string folder_;
 };
 
-// The end of a socket at which `words` were said, after what each reader says first.
+// The end of a socket on which `words` were sent after the reader's usual first message.
 read::Started spoken(std::string_view words) {
   int ends[2] = {-1, -1};
   hold(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0, "a socket");
@@ -48,7 +48,7 @@ read::Started spoken(std::string_view words) {
   const ssize_t sent = ::send(ends[1], words.data(), words.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
   hold(sent == static_cast<ssize_t>(words.size()), "room for what is said");
   ::shutdown(ends[1], SHUT_WR);
-  static read::Channel kept{read::Descriptor()};  // until the next: what is asked must go somewhere
+  static read::Channel kept{read::Descriptor()};  // until the next call, because requests must go somewhere
   kept = std::move(other);
   return {"the fuzzer", -1, ends[0]};
 }
@@ -89,7 +89,7 @@ void reader(std::string_view bytes) {
     else
       ask(Hdf5File(path));
   } catch (const Error& e) {
-    hold_message(e, path.substr(0, path.rfind('/')));  // a texture lies beside it
+    hold_message(e, path.substr(0, path.rfind('/')));  // a texture is beside it
   }
   read::set_start_program({});
   set_reader_limits({});

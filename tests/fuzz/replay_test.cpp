@@ -1,4 +1,4 @@
-// The seeds of the fuzzers and every input that once broke a reader, in every build.
+// Replays the fuzzers' seeds and every input that once broke a reader, in every build.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -45,7 +45,7 @@ TEST_P(Replay, WhatOnceBroke) {
   }
 }
 
-// Cut off and with bytes changed, as a fuzzer would.
+// Truncates inputs and changes bytes, as a fuzzer would.
 TEST_P(Replay, DamagedCorpus) {
   for (const std::string& path : files("corpus")) {
     SCOPED_TRACE(path);

@@ -14,7 +14,7 @@
 namespace vsplat::fuzz {
 namespace {
 
-// With the hash of itself, where it states one.
+// The bytes with their own hash corrected, if they state one.
 std::string with_right_hash(std::string_view bytes) {
   constexpr std::string_view kKey = "\"sha256\":\"";
   constexpr std::size_t kDigits = 64;
@@ -35,7 +35,7 @@ void check(const Weights& weights, const AnyConfig& config) {
   }
 }
 
-// What the file at `path` is read as.
+// Reads the file at `path`.
 template <class Read>
 void read_twice(MemoryFile& file, const std::string& path, std::string_view bytes, Read read) {
   const std::string right = with_right_hash(bytes);
@@ -90,7 +90,7 @@ void fit_checkpoint(std::string_view bytes) {
     try {
       found = load_fit_checkpoint(folder.path(), "fuzz");
     } catch (const Error& e) {
-      if (e.status() == Status::usage) return;  // the state of another refinement
+      if (e.status() == Status::usage) return;  // the state of another fit
       throw;
     }
     hold(found.has_value(), "the file is there");

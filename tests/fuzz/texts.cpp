@@ -1,4 +1,4 @@
-// What is text: configurations and lists of voxels.
+// Text formats: configurations and lists of voxels.
 #include <algorithm>
 
 #include "model/io/archive/selection_file.h"

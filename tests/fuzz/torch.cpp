@@ -39,7 +39,7 @@ void torch_file(std::string_view bytes) {
     const TorchFile found(file.path());
     for (const TensorEntry& entry : found.tensors()) {
       hold(&found.at(entry.name) == &entry, "found by its name");
-      if (entry.count() > 100'000) continue;  // one element may be there many times
+      if (entry.count() > 100'000) continue;  // one element may be repeated many times
       hold(found.floats(entry).size() == static_cast<std::size_t>(entry.count()), "as many values as it says");
     }
     const auto finite = [](const auto& model) {
@@ -50,7 +50,7 @@ void torch_file(std::string_view bytes) {
     };
     std::visit(finite, import_model(file.path()).model);
   } catch (const Error& e) {
-    if (e.status() != Status::usage) hold_message(e, file.path());  // fields that shapes do not tell
+    if (e.status() != Status::usage) hold_message(e, file.path());  // fields that shapes do not determine
   }
 }
 

@@ -1,4 +1,4 @@
-// Posed views, of every format.
+// Posed views of every format.
 #include <Eigen/LU>
 #include <cmath>
 
@@ -48,7 +48,7 @@ void read(const std::string& path) {
   }
 }
 
-// A folder in which the four files of a COLMAP model are files in memory.
+// A folder whose four COLMAP files are in memory.
 class ColmapFolder {
  public:
   ColmapFolder() { set(true); }
@@ -75,7 +75,7 @@ class ColmapFolder {
   bool binary_ = true;
 };
 
-// A folder with a COLMAP model of which only the points are of interest.
+// A folder with a COLMAP model for tests of its points.
 class PointsFolder {
  public:
   PointsFolder() {

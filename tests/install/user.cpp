@@ -1,4 +1,4 @@
-// Makes a small model and a plan, on the installed library alone: its kernels are inside.
+// Makes a small model and a plan with only the installed library, which contains its kernels.
 #include <cstdio>
 #include <vsplat/vsplat.hpp>
 

@@ -1,6 +1,5 @@
-/* The model that the library carries, as C programs get it. Run with a library that carries one of the configuration
-   micro, and with one that carries none:
-       built_in_model_test micro|none FILE, which is written and read again */
+/* The built-in model, as C programs use it. Run it with a library that contains a model of configuration micro, and
+   with one that contains none: built_in_model_test micro|none FILE; FILE is written and read back */
 #include <stdlib.h>
 #include <string.h>
 #include <vsplat/vsplat.h>
@@ -19,7 +18,7 @@ static void none(void) {
   HOLD(!model && !text);
 }
 
-/* The built-in one goes out as halves and comes back. */
+/* The built-in model is saved as half floats and loaded again. */
 static void save(vsplat_model model, const char* path) {
   vsplat_model again = NULL;
   vsplat_model_info info = VSPLAT_MODEL_INFO_INIT;

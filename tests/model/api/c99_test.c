@@ -1,5 +1,5 @@
-/* The public header compiled and used as plain C: misuse, with the exact status of each, and the main job from pictures
-   in memory. Prints every check that does not hold; exits 1 if any did. */
+/* Compiles the public header as plain C and uses it: misuse with the exact status of each call, and a reconstruction
+   from pictures in memory. Prints every check that fails; exits 1 if any did. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -131,8 +131,8 @@ static void bad_values(vsplat_device device) {
   HOLD(!other && !model && !scene && !text);
 }
 
-/* More Gaussians take more, whatever the limit; what cannot be drawn says what it would take. */
-/* Of each Gaussian what the scene holds (56 bytes) and what drawing makes of it (180). */
+/* More Gaussians take more memory, whatever the limit; if drawing is impossible, the error says how much it would take. */
+/* Sizes per Gaussian: 56 bytes for the scene and 180 for drawing. */
 static void plans_of_drawing(vsplat_device device) {
   const uint64_t bytes_each = 56 + 180, fitting[] = {1, 1000, 100000, 1000000}, beyond = 1300000000;
   vsplat_plan plan = VSPLAT_PLAN_INIT;
@@ -147,7 +147,7 @@ static void plans_of_drawing(vsplat_device device) {
   HOLD(!plan.fits && plan.peak > beyond * bytes_each);
 }
 
-/* A caller built against a shorter struct than the library's gets what it has room for, and not a byte more. */
+/* A caller built with a shorter struct than the library's gets the fields that it declares, and no byte more. */
 static void short_structs(vsplat_device device) {
   vsplat_device_info whole = VSPLAT_DEVICE_INFO_INIT, part = VSPLAT_DEVICE_INFO_INIT;
   const size_t room = offsetof(vsplat_device_info, vendor);
@@ -169,7 +169,7 @@ static vsplat_camera camera_at(double z_sign) {
   out.width = out.height = side;
   out.fx = out.fy = 20;
   out.cx = out.cy = side / 2.0;
-  out.w2c[0] = out.w2c[10] = z_sign; /* from the front, and turned half round y from behind */
+  out.w2c[0] = out.w2c[10] = z_sign; /* from the front, and from behind: half a turn about y */
   out.w2c[11] = 2;
   return out;
 }
@@ -259,14 +259,15 @@ static void use_scene(vsplat_device device, vsplat_scene scene, const int32_t* v
     exact.exact_tiles = 1;
     pictures2[0].capacity = side * side;
     EXPECT(VSPLAT_ERROR_USAGE,
-           vsplat_render_views(device, scene, cameras2, 2, NULL, pictures2)); /* no room in the 2nd */
+           vsplat_render_views(device, scene, cameras2, 2, NULL, pictures2)); /* the 2nd buffer is too small */
     pictures2[1].capacity = side * side;
     pictures2[1].alpha = again;
     EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras2, 2, &exact, pictures2));
     HOLD(memcmp(again, alpha, (size_t)side * side * sizeof(float)) == 0);
     EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, NULL, 0, NULL, NULL));
     EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, NULL, 1, NULL, pictures2));
-    /* One sample a pixel is what a scene without a detail has; more are another picture, which has no derivatives. */
+    /* A scene without a detail is drawn with one sample per pixel; more samples give another picture, which has no
+       derivatives. */
     exact.supersample = 1;
     EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras2, 2, &exact, pictures2));
     HOLD(memcmp(again, alpha, (size_t)side * side * sizeof(float)) == 0);
@@ -376,7 +377,7 @@ static void main_job(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
-/* How many views are picked: by the options, else by the model. */
+/* The number of views is set by the options, else by the model. */
 static void view_counts(void) {
   static float pixels[side * side * 3];
   vsplat_model_options model_options = VSPLAT_MODEL_OPTIONS_INIT;
@@ -424,9 +425,9 @@ static void view_counts(void) {
   vsplat_model_release(model);
 }
 
-/* Three Gaussians as text, two of which cannot be drawn. */
+/* Three Gaussians as text; two of them cannot be drawn. */
 static void damaged_scene(void) {
-  const char* path = "c99_test_scene.ply"; /* in the build's folder, where ctest runs this */
+  const char* path = "c99_test_scene.ply"; /* in the build folder, where ctest runs this */
   vsplat_scene scene = NULL;
   vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
   vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;

@@ -1,6 +1,5 @@
-/* How soon what is told to stop has stopped, in plain C: a reconstruction, a refinement and a training at sizes whose
-   launches are long. 150 ms is what two idle cores take at the most. Prints every check that does not hold; exits 1 if
-   any did. */
+/* Measures how soon a cancelled call stops, in plain C: a reconstruction, a refinement and a training, at sizes with
+   long launches. The limit is 150 ms on two idle cores. Prints every check that fails; exits 1 if any did. */
 #include <math.h>
 #include <pthread.h>
 #include <sys/resource.h>
@@ -23,7 +22,7 @@ static double processor_seconds(void) {
   return (double)(u.ru_utime.tv_sec + u.ru_stime.tv_sec) + 1e-6 * (double)(u.ru_utime.tv_usec + u.ru_stime.tv_usec);
 }
 
-/* What a run took, and which part of two cores it had meanwhile: others may use them, too. */
+/* The duration of a run, and the share of two cores that it had, because other programs may use them as well. */
 typedef struct stretch {
   double seconds, share;
 } stretch;
@@ -36,7 +35,7 @@ static stretch since(double wall, double processor) {
   return out;
 }
 
-/* Tells the device to stop, some time from now. */
+/* Cancels the device's work after a given time. */
 typedef struct stopper {
   vsplat_device device;
   double after;
@@ -65,7 +64,7 @@ static int ascending(const void* a, const void* b) {
   return x < y ? -1 : x > y;
 }
 
-/* Most of them within twice of what is promised, of the cores that this had; none far from it. */
+/* Most times are within twice the limit, scaled by the share of the cores; none is far from it. */
 static void holds(const char* what, double* took, int n, stretch whole) {
   const double patience = getenv("VSPLAT_PATIENCE") ? atof(getenv("VSPLAT_PATIENCE")) : 1;
   const double most = 2 * 0.15 * patience / whole.share;
@@ -90,7 +89,7 @@ static void a_reconstruction(vsplat_device device) {
   s.device = device;
   EXPECT(VSPLAT_OK, vsplat_model_get_info(model, &info));
   input = make_input(model, info.image);
-  for (i = 0; i < 2; ++i) { /* the first compiles */
+  for (i = 0; i < 2; ++i) { /* the first run compiles */
     const double wall = now(), processor = processor_seconds();
     vsplat_scene_release(want);
     want = NULL;
@@ -103,7 +102,7 @@ static void a_reconstruction(vsplat_device device) {
     begin(&s);
     status = vsplat_reconstruct(device, model, input, &o, &scene);
     took[stopped] = end(&s);
-    if (status == VSPLAT_OK) { /* it was that much quicker this time */
+    if (status == VSPLAT_OK) { /* it finished before the request this time */
       vsplat_scene_release(scene);
       scene = NULL;
     } else {
@@ -114,7 +113,7 @@ static void a_reconstruction(vsplat_device device) {
   HOLD(stopped >= trials / 2);
   holds("a reconstruction", took, stopped, whole);
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, &o, &scene));
-  HOLD(are_equal(scene, want)); /* nothing of those is left */
+  HOLD(are_equal(scene, want)); /* no effect of those remains */
   vsplat_scene_release(scene);
   vsplat_scene_release(want);
   vsplat_input_release(input);
@@ -206,7 +205,8 @@ static void a_refinement(vsplat_device device) {
     double tried = now();
     s.after = whole.seconds * (i + 0.5) / (trials + 2);
     begin(&s);
-    /* Told at the end of a step, or where it is made whole: then the next one is not asked for, and nothing stops. */
+    /* A cancellation that arrives at the end of a step or while the result is completed: then the next step is not
+       requested, and nothing stops. */
     while (status == VSPLAT_OK && now() - tried < 10 * whole.seconds && (s.told == 0 || now() < s.told + 0.001))
       status = vsplat_refinement_step(refinement, NULL, &more);
     took[i] = end(&s);
@@ -220,10 +220,10 @@ static void a_refinement(vsplat_device device) {
 }
 
 typedef struct asked {
-  int steps;    /* after which it is to end; 0: never */
-  double at;    /* when it was asked last */
-  double first; /* when it was asked first */
-  double said;  /* when it said that it has stopped; what it writes then takes as long as the disk */
+  int steps;    /* number of steps to end after; 0: never */
+  double at;    /* time of the last request */
+  double first; /* time of the first request */
+  double said;  /* time at which it reported the stop; writing its results then takes as long as the disk */
 } asked;
 
 static int32_t goes_on(void* user) {
@@ -264,7 +264,7 @@ static void a_training(vsplat_device device) {
   options.on_message = hears;
   for (i = 0; i < trials; ++i) {
     a.steps = 0, a.first = a.said = 0;
-    s.after = 1.5 * step + (i + 0.5) / trials * step; /* it reads, uploads and begins */
+    s.after = 1.5 * step + (i + 0.5) / trials * step; /* it reads, uploads and starts */
     begin(&s);
     EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_train(device, endless, &options, &result));
     took[i] = a.said - s.told;

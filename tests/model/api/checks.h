@@ -1,5 +1,5 @@
-/* What the tests in plain C hold: a call's exact status, with a sentence where it failed, and conditions. The sentence
-   is for a program's author: it names no option of the command line. */
+/* Checks for the tests in plain C: a call's exact status, with a message if it failed, and conditions. The message
+   addresses a programmer: it names no command-line option. */
 #ifndef VSPLAT_TESTS_API_CHECKS_H
 #define VSPLAT_TESTS_API_CHECKS_H
 #include <stdio.h>

@@ -37,7 +37,7 @@ using vsplat::Span;
 
 bool same_bits(const void* a, const void* b, size_t bytes) { return std::memcmp(a, b, bytes) == 0; }
 
-// -> the status of the Error that it throws; VSPLAT_OK where it throws none
+// Returns the status of the Error that the callable throws; VSPLAT_OK if it throws none.
 template <class F>
 vsplat_status status_of(const F& run) {
   try {
@@ -111,7 +111,7 @@ void lambdas_are_called_and_what_they_throw_comes_out(const Setting& with) {
     thrown = std::string(e.what()) == "enough";
   }
   HOLD(thrown);
-  HOLD(are_equal(told.gaussians(), with.scene().gaussians()));  // and the device serves on
+  HOLD(are_equal(told.gaussians(), with.scene().gaussians()));  // and the device still works
   int prepared = 0;
   vsplat::prepare(with.device, with.model, VSPLAT_PREPARE_OPTIONS_INIT,
                   [&](const char*, double) { return ++prepared > 0; });
@@ -261,7 +261,7 @@ void jobs_end_with_what_they_made(const Setting& with) {
   HOLD(thrown);
   HOLD(failing.state() == VSPLAT_JOB_CANCELLED);
 
-  // Where it cannot begin, its functions are let go of.
+  // If it cannot begin, its functions are released.
   const auto held = std::make_shared<int>(7);
   vsplat::JobFunctions holding;
   holding.on_end = [held] {};

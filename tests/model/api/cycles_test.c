@@ -1,5 +1,5 @@
-/* A device, a stream of it, a scene and a job, made and released again and again: neither memory nor files nor threads
-   are left. `cycles_test [CYCLES]`: 500, of which the first fifth warms up. */
+/* Creates and releases a device, a stream of it, a scene and a job repeatedly: no memory, files or threads may be left.
+   `cycles_test [CYCLES]`: default 500, of which the first fifth warms up. */
 #include <dirent.h>
 #include <stdlib.h>
 #include <unistd.h>
@@ -55,7 +55,7 @@ static vsplat_scene make_scene(void) {
   return out;
 }
 
-/* -> the sum of what was drawn */
+/* Returns the sum of the picture's values. */
 static double cycle(void) {
   static float alpha[PIXELS];
   vsplat_device device = NULL, stream = NULL;
@@ -100,7 +100,7 @@ int main(int argc, char** argv) {
   after = held_now();
   printf("%d cycles: %.1f MiB, %d files, %d threads after %d of them, %.1f MiB, %d, %d at the end\n", cycles,
          before.mib, before.files, before.threads, warm, after.mib, after.files, after.threads);
-  HOLD(after.mib < before.mib + 0.02 * (cycles - warm)); /* 20 KiB a cycle would be a leak worth finding */
+  HOLD(after.mib < before.mib + 0.02 * (cycles - warm)); /* 20 KiB per cycle would be a significant leak */
   HOLD(after.files <= before.files);
   HOLD(after.threads <= before.threads);
   return failures != 0;

@@ -1,5 +1,5 @@
-/* Scenes changed in place: several in one picture, moved, without some Gaussians, within a box. Prints every check that
-   does not hold; exits 1 if any did. */
+/* Edits scenes in place: several in one picture, transformed, with Gaussians removed, within a box. Prints every check
+   that fails; exits 1 if any did. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -65,7 +65,7 @@ typedef struct drawn {
   float colour[3 * PIXELS], alpha[PIXELS];
 } drawn;
 
-/* From (x, y, -4), or with `moved` from where that transform takes this camera to. */
+/* A camera at (x, y, -4), or, with `moved`, where that transform takes this camera. */
 static vsplat_camera camera_at(double x, double y, const double* moved, double scale) {
   vsplat_camera out = VSPLAT_CAMERA_INIT;
   int i, j, k;
@@ -74,7 +74,7 @@ static vsplat_camera camera_at(double x, double y, const double* moved, double s
   out.cx = out.cy = EDGE / 2.0;
   out.w2c[3] = -x, out.w2c[7] = -y, out.w2c[11] = 4;
   if (!moved) return out;
-  /* w2c' (s R x + t) = s w2c x: rotation R_w R^T, and s times the shift less that of t. */
+  /* w2c' (s R x + t) = s w2c x: rotation R_w R^T, and translation s times the original minus that of t. */
   {
     double rotation[9], shift[3];
     for (i = 0; i < 3; ++i) {
@@ -116,7 +116,7 @@ static float most(const drawn* a) {
   return out;
 }
 
-/* Twice the size, turned by 90 degrees about z, moved: (x, y, z) -> (-2y + 1, 2x + 3, 2z - 2). */
+/* Scales by 2, rotates by 90 degrees about z, and translates: (x, y, z) -> (-2y + 1, 2x + 3, 2z - 2). */
 static const double turned[16] = {0, -2, 0, 1, 2, 0, 0, 3, 0, 0, 2, -2, 0, 0, 0, 1};
 
 static void test_transform(vsplat_device device) {
@@ -132,7 +132,7 @@ static void test_transform(vsplat_device device) {
       there = here;
       {
         vsplat_camera moved = camera_at(here.w2c[3] * -1, here.w2c[7] * -1, turned, 2);
-        if (is_far) { /* the same with that third shift */
+        if (is_far) { /* the same with that third translation */
           moved.w2c[11] = 2 * here.w2c[11] - turned[11];
         }
         there = moved;
@@ -147,7 +147,7 @@ static void test_transform(vsplat_device device) {
     }
 }
 
-/* Two scenes, which do not meet in the picture: each is there as it is alone. */
+/* Two scenes that do not overlap in the picture: each looks as it does alone. */
 static void test_append(vsplat_device device) {
   static drawn both, first, second;
   const double aside[16] = {1, 0, 0, 1.0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
@@ -166,7 +166,7 @@ static void test_append(vsplat_device device) {
   HOLD(memcmp(all.means, a.means, sizeof(float) * 60) == 0);
   HOLD(memcmp(all.opacities + 20, b.opacities, sizeof(float) * 30) == 0);
   HOLD(memcmp(all.scales + 60, b.scales, sizeof(float) * 90) == 0);
-  for (i = 0; i < 20; ++i) { /* four functions, and zeros */
+  for (i = 0; i < 20; ++i) { /* four coefficients, and zeros */
     bad += memcmp(all.sh + 48 * i, a.sh + 12 * i, sizeof(float) * 12) != 0;
     for (x = 12; x < 48; ++x) bad += all.sh[48 * i + x] != 0;
   }
@@ -190,7 +190,7 @@ static void test_append(vsplat_device device) {
   vsplat_scene_release(none);
 }
 
-/* Of a mirror that both have, and of one that is lost: from far away the colours are those that they were. */
+/* A mirror point that both scenes share, and one that is lost: from far away the colours stay the same. */
 static void test_mirrors(vsplat_device device) {
   static drawn before, after;
   vsplat_scene one = make_scene(20, 3, 5, 1, NULL), same = make_scene(1, 0, 6, 1, NULL),

@@ -1,5 +1,6 @@
-/* Frames of a large scene into a caller's buffer: `frames_test SCENE.ply CAMERAS.json [FRAMES]` (1000). No picture goes
-   over the host, each is what vsplat_render gives the host, and beside the kernels' own time there is hardly any. */
+/* Draws frames of a large scene into a caller's buffer: `frames_test SCENE.ply CAMERAS.json [FRAMES]` (1000). No
+   picture passes through the host, each equals vsplat_render's result on the host, and there is hardly any time beside
+   the kernels' own. */
 #include <CL/cl.h>
 #include <stdlib.h>
 #include <time.h>
@@ -78,7 +79,7 @@ static void frames(vsplat_device device, vsplat_scene scene, cl_command_queue qu
   EXPECT(VSPLAT_OK, vsplat_device_profile(device, 0));
   printf("%ld frames in %.2f s, %.2f ms each: %.4f times the kernels' %.2f s; %.0f bytes copied a frame\n", n, wall,
          1e3 * wall / (double)n, wall / kernels, kernels, copied / (double)n);
-  HOLD(copied < 1e-3 * picture * (double)n); /* how much it sees is all that the host asks */
+  HOLD(copied < 1e-3 * picture * (double)n); /* the host only reads the number of visible Gaussians */
   HOLD(wall <= 1.05 * kernels);
 }
 

@@ -1,5 +1,5 @@
-/* Scenes made of a caller's arrays, changed, drawn and differentiated, in plain C. Prints every check that does not
-   hold; exits 1 if any did. */
+/* Creates scenes from a caller's arrays, changes, draws and differentiates them, in plain C. Prints every check that
+   fails; exits 1 if any did. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,8 +10,8 @@
 
 enum { count = 2, coefficients = 4 };
 
-/* What a caller has of two Gaussians before the camera, with room for a third. They fill the picture: no pixel lies at
-   an edge of theirs, where it would jump. */
+/* A caller's arrays with two Gaussians in front of the camera and space for a third. They fill the picture, so that no
+   pixel is at the edge of one, where its value would jump. */
 typedef struct values {
   float means[9], scales[9], rotations[12], opacities[3], sh[3 * coefficients * 3];
 } values;
@@ -52,7 +52,7 @@ static vsplat_scene make_scene(values* v) {
   return scene;
 }
 
-/* What vsplat_scene_create refuses, with the words that say why. */
+/* Inputs that vsplat_scene_create refuses, and the message of each. */
 static void refuses_bad_values(void) {
   values v = make_values();
   vsplat_scene scene = NULL;
@@ -70,7 +70,7 @@ static void refuses_bad_values(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
   info.near_plane = 0;
   info.count = 4;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene)); /* room for 3 */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene)); /* capacity for 3 */
   info.surfels = 2;
   info.count = count;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
@@ -97,7 +97,7 @@ static void refuses_bad_values(void) {
   v.rotations[0] = 1;
   v.sh[23] = INFINITY;
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_create(&info, &arrays, &scene));
-  v.sh[24] = v.sh[23]; /* of the third, which is not meant */
+  v.sh[24] = v.sh[23]; /* of the third, which is not used */
   v.sh[23] = 0;
   info.has_mirror = 1;
   info.mirror[2] = NAN;
@@ -129,7 +129,7 @@ static void refuses_bad_values(void) {
   memset(&arrays, 0, sizeof arrays);
   arrays.size = sizeof arrays;
   scene = NULL;
-  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &scene)); /* nothing at all is a scene, too */
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &scene)); /* an empty scene is valid */
   vsplat_scene_release(scene);
 }
 
@@ -146,7 +146,7 @@ static void update_replaces_what_is_given(void) {
   EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &all));
   HOLD(memcmp(got.opacities, opacities, sizeof opacities) == 0);
   HOLD(memcmp(got.means, v.means, sizeof(float) * 3 * count) == 0);
-  HOLD(memcmp(got.rotations, v.rotations, sizeof(float) * 4 * count) == 0); /* not made of length 1 */
+  HOLD(memcmp(got.rotations, v.rotations, sizeof(float) * 4 * count) == 0); /* not normalised */
   HOLD(memcmp(got.sh, v.sh, sizeof(float) * 3 * coefficients * count) == 0);
   some.capacity = count - 1;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_update(scene, &some));
@@ -154,11 +154,11 @@ static void update_replaces_what_is_given(void) {
   opacities[1] = NAN;
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_update(scene, &some));
   EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &all));
-  HOLD(got.opacities[0] == 0.25f && got.opacities[1] == 0.5f); /* as it was */
+  HOLD(got.opacities[0] == 0.25f && got.opacities[1] == 0.5f); /* unchanged */
   vsplat_scene_release(scene);
 }
 
-/* Their third scale is there and 0, in and out. */
+/* The third scale exists and is 0, in input and output. */
 static void surfels_are_flat(void) {
   values v = make_values(), got;
   vsplat_scene scene = NULL;
@@ -195,7 +195,7 @@ static vsplat_camera make_camera(void) {
   return out;
 }
 
-/* A loss that weighs every value of the picture. */
+/* A loss that weights every value of the picture. */
 static vsplat_picture make_weights(float* weights) {
   vsplat_picture out = VSPLAT_PICTURE_INIT;
   int i;
@@ -248,7 +248,7 @@ static void refuses_bad_gradients(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
-/* One value moved a little either way. */
+/* Central difference by one value. */
 static double difference(vsplat_device device, vsplat_scene scene, values* v, float* value, float step,
                          const float* weights) {
   const vsplat_camera camera = make_camera();
@@ -266,7 +266,7 @@ static double difference(vsplat_device device, vsplat_scene scene, values* v, fl
   return (high - low) / (2 * (double)step);
 }
 
-/* To a thousandth, which is what differences of pictures in float allow. */
+/* Within a thousandth, which is the accuracy of differences of float pictures. */
 static void near_at(int line, double got, double want) {
   hold_at(line, fabs(want) > 1e-3 && fabs(got - want) <= 1e-3 * fabs(want), "a derivative");
   if (!(fabs(got - want) <= 1e-3 * fabs(want))) printf("%g, %g expected\n", got, want);
@@ -295,7 +295,7 @@ static void matches_differences(vsplat_device device) {
   low = loss_of(device, scene, &camera, weights);
   camera.w2c[11] = 0;
   NEAR(pose[5], (high - low) / 0.02);
-  /* The third, for which there was only room, is left alone. */
+  /* The third Gaussian, for which there was only capacity, stays unchanged. */
   memset(&again, 0x7f, sizeof again);
   HOLD(memcmp(&by.means[6], &again.means[6], 3 * sizeof(float)) == 0);
   again = by;
@@ -305,7 +305,7 @@ static void matches_differences(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
-/* Scales of two values each inside, of three in the caller's arrays. */
+/* The library stores two scales of each; the caller's arrays have three. */
 static void matches_differences_of_surfels(vsplat_device device) {
   values v = make_values(), by;
   vsplat_scene scene = NULL;
@@ -315,7 +315,7 @@ static void matches_differences_of_surfels(vsplat_device device) {
   vsplat_picture gradient = make_weights(weights);
   vsplat_gaussians arrays = arrays_of(&v), out = arrays_of(&by);
   int i;
-  for (i = 0; i < 3 * count; ++i) v.scales[i] = i % 3 == 2 ? 0 : 2 * v.scales[i]; /* slanted, they fill less */
+  for (i = 0; i < 3 * count; ++i) v.scales[i] = i % 3 == 2 ? 0 : 2 * v.scales[i]; /* slanted surfels cover less */
   info.count = count;
   info.sh_degree = 1;
   info.surfels = 1;
@@ -330,7 +330,7 @@ static void matches_differences_of_surfels(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
-/* A scene far away in the world, and a camera there: the same picture and derivatives to rounding. */
+/* A scene far from the origin, with its camera: equal picture and derivatives up to rounding. */
 static void is_as_good_far_away(vsplat_device device) {
   values v = make_values(), by, far_by;
   vsplat_scene scene = make_scene(&v), far_scene = NULL;

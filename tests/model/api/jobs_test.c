@@ -1,5 +1,4 @@
-/* Streams of a device, jobs, and what stops them, in plain C. Prints every check that does not hold; exits 1 if any
-   did. */
+/* Streams of a device, jobs and cancellation, in plain C. Prints every check that fails; exits 1 if any did. */
 #include <pthread.h>
 #include <time.h>
 #include <unistd.h>
@@ -16,7 +15,7 @@ static double now(void) {
 
 static void pause_for(double seconds) { usleep((unsigned)(1e6 * seconds)); }
 
-/* Seconds that take as long under a sanitizer or on a full machine are no failure: this only tells a hang. */
+/* Time limit that only detects a hang; waiting that long under a sanitizer or on a busy machine is no failure. */
 static double patience(void) {
   const char* times = getenv("VSPLAT_PATIENCE");
   return 5.0 * (times ? atof(times) : 1);
@@ -32,7 +31,7 @@ typedef struct work {
   int equal, failed;
 } work;
 
-/* With both models in turn: they are on the device at the same time. */
+/* Uses both models alternately, so that both are on the device at once. */
 static void* reconstructs(void* user) {
   work* w = user;
   const vsplat_reconstruct_options options = some_voxels();
@@ -58,7 +57,7 @@ static void streams_at_once(vsplat_device device, vsplat_model model, vsplat_mod
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, &options, &want[0]));
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, other, input, &options, &want[1]));
   HOLD(!are_equal(want[0], want[1]));
-  EXPECT(VSPLAT_OK, vsplat_device_trim(device)); /* the streams upload them, and those that come later share them */
+  EXPECT(VSPLAT_OK, vsplat_device_trim(device)); /* the streams upload the models, and later ones share them */
   for (i = 0; i < streams; ++i) {
     memset(&all[i], 0, sizeof all[i]);
     EXPECT(VSPLAT_OK, vsplat_stream_create(i ? all[i - 1].stream : device, &all[i].stream));
@@ -81,18 +80,18 @@ static void counts(void* user, const char* kernel, int32_t before) {
   ++compiled;
 }
 
-/* Told in one thread, looked at in another. */
+/* Set in one thread, read in another. */
 static void tell(int* told) { __atomic_store_n(told, 1, __ATOMIC_RELEASE); }
 static int is_told(int* told) { return __atomic_load_n(told, __ATOMIC_ACQUIRE); }
 
 static int32_t hears(void* user, const char* stage, double done) {
   double* last = user;
-  if (!stage || done < *last || done > 1) *last = 2; /* no more than that is ever told */
+  if (!stage || done < *last || done > 1) *last = 2; /* no larger value is ever reported */
   if (*last <= 1) *last = done;
   return 1;
 }
 
-/* Nothing is left to compile for what comes after, on a stream of the device, which outlives it. */
+/* Afterwards nothing remains to be compiled. Runs on a stream of the device, which outlives the device. */
 static void prepares(vsplat_model model, vsplat_input input) {
   vsplat_device_options device_options = VSPLAT_DEVICE_OPTIONS_INIT;
   vsplat_prepare_options options = VSPLAT_PREPARE_OPTIONS_INIT;
@@ -123,7 +122,7 @@ static void prepares(vsplat_model model, vsplat_input input) {
   vsplat_device_release(stream);
 }
 
-/* The programs of jobs; of what is asked for, and what is wrong with it. */
+/* The programs of jobs; valid and invalid requests. */
 static void lists_programs(vsplat_model model) {
   const vsplat_device_options device_options = VSPLAT_DEVICE_OPTIONS_INIT;
   vsplat_programs_options options = VSPLAT_PROGRAMS_OPTIONS_INIT;
@@ -138,7 +137,7 @@ static void lists_programs(vsplat_model model) {
   HOLD(text == NULL);
   options.jobs = VSPLAT_PROGRAMS_OF_RENDER;
   options.others = 0;
-  EXPECT(VSPLAT_OK, vsplat_device_programs(device, NULL, &options, &text)); /* which takes no model */
+  EXPECT(VSPLAT_OK, vsplat_device_programs(device, NULL, &options, &text)); /* needs no model */
   HOLD(strstr(text, "\"project_forward\"") && !strstr(text, "\"gemm_") && !strstr(text, "kernel void"));
   vsplat_text_free(text);
   options.jobs = VSPLAT_PROGRAMS_OF_RECONSTRUCT;
@@ -153,18 +152,18 @@ static void lists_programs(vsplat_model model) {
 
 typedef struct ended {
   int calls;
-  vsplat_status waited; /* on another job of the device */
+  vsplat_status waited; /* status of waiting for another job of the device */
   vsplat_job other;
   vsplat_device device;
   vsplat_model model;
   vsplat_input input;
-  vsplat_job next; /* begun from the callback */
+  vsplat_job next; /* started from the callback */
 } ended;
 
 static void has_ended(void* user, vsplat_job job) {
   ended* e = user;
   vsplat_job_state state = VSPLAT_JOB_QUEUED;
-  EXPECT(VSPLAT_OK, vsplat_job_wait(job, -1, &state)); /* it has: even here */
+  EXPECT(VSPLAT_OK, vsplat_job_wait(job, -1, &state)); /* it is complete, even here */
   HOLD(state == VSPLAT_JOB_DONE);
   if (e->other) e->waited = vsplat_job_wait(e->other, -1, &state);
   if (e->device) {
@@ -194,7 +193,7 @@ static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, 
   EXPECT(VSPLAT_OK, vsplat_job_result(first, &got));
   HOLD(got && are_equal(got, want));
   vsplat_scene_release(got);
-  HOLD(is_told(&e.calls)); /* what it uses is the caller's again */
+  HOLD(is_told(&e.calls)); /* the caller may reuse its data */
   EXPECT(VSPLAT_OK, vsplat_job_wait(e.next, patience(), &state));
   HOLD(state == VSPLAT_JOB_DONE);
   got = NULL;
@@ -204,7 +203,7 @@ static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, 
   vsplat_job_release(e.next);
   vsplat_job_release(first);
 
-  /* One that fails says what the call says. */
+  /* A failing job gives the same message as the call. */
   options.near_plane = -1;
   EXPECT(VSPLAT_OK, vsplat_reconstruct_async(device, model, input, &options, NULL, &second));
   EXPECT(VSPLAT_OK, vsplat_job_wait(second, patience(), &state));
@@ -216,7 +215,7 @@ static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, 
   vsplat_scene_release(want);
 }
 
-/* A drawing of so many pictures, which takes a while. */
+/* Starts drawing this many pictures, which takes a while. */
 static vsplat_job begin_drawing(vsplat_device device, vsplat_scene scene, size_t count,
                                 const vsplat_job_options* options) {
   static float colour[256 * 256 * 3];
@@ -258,7 +257,7 @@ static void jobs_queue_and_stop(vsplat_device device, vsplat_model model, vsplat
   EXPECT(VSPLAT_OK, vsplat_job_wait(queued, 0, &state));
   HOLD(state == VSPLAT_JOB_QUEUED);
   EXPECT(VSPLAT_OK, vsplat_job_cancel(queued));
-  vsplat_scene_release(scene); /* the job has it */
+  vsplat_scene_release(scene); /* the job keeps it */
   told = now();
   EXPECT(VSPLAT_OK, vsplat_job_cancel(running));
   EXPECT(VSPLAT_OK, vsplat_job_wait(running, -1, &state));
@@ -268,7 +267,7 @@ static void jobs_queue_and_stop(vsplat_device device, vsplat_model model, vsplat
   EXPECT(VSPLAT_OK, vsplat_job_wait(queued, -1, &state));
   HOLD(state == VSPLAT_JOB_CANCELLED && !none);
   EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_job_result(queued, &none));
-  EXPECT(VSPLAT_OK, vsplat_job_cancel(queued)); /* again: nothing */
+  EXPECT(VSPLAT_OK, vsplat_job_cancel(queued)); /* a second time: no effect */
   vsplat_job_release(queued);
   vsplat_job_release(running);
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, &options, &scene));
@@ -282,7 +281,7 @@ static int32_t is_busy(void* user, const char* stage, double done) {
   return 1;
 }
 
-/* A callback of a job cannot take its device, and cannot wait for what comes after it. */
+/* A job's callback can neither use its device nor wait for later jobs. */
 static void jobs_know_their_thread(vsplat_device device, vsplat_model model, vsplat_input input) {
   vsplat_reconstruct_options options = some_voxels();
   vsplat_job_options on_end = VSPLAT_JOB_OPTIONS_INIT;
@@ -297,14 +296,14 @@ static void jobs_know_their_thread(vsplat_device device, vsplat_model model, vsp
   on_end.on_end = has_ended;
   on_end.user = &e;
   {
-    vsplat_job hold = begin_drawing(device, scene, 1000, NULL); /* so that both are there when the first ends */
+    vsplat_job hold = begin_drawing(device, scene, 1000, NULL); /* so that both are queued when the first ends */
     EXPECT(VSPLAT_OK, vsplat_reconstruct_async(device, model, input, &options, &on_end, &first));
     long_one = e.other = begin_drawing(device, scene, 100000, NULL);
-    vsplat_job_release(hold); /* it goes on */
+    vsplat_job_release(hold); /* it continues */
   }
   EXPECT(VSPLAT_OK, vsplat_job_wait(first, -1, &state));
   HOLD(state == VSPLAT_JOB_DONE);
-  HOLD(is_told(&e.calls)); /* what it uses is the caller's again */
+  HOLD(is_told(&e.calls)); /* the caller may reuse its data */
   HOLD(e.waited == VSPLAT_ERROR_BUSY);
   EXPECT(VSPLAT_OK, vsplat_job_cancel(long_one));
   EXPECT(VSPLAT_OK, vsplat_job_wait(long_one, -1, &state));
@@ -319,7 +318,7 @@ static void releases_device(void* user, vsplat_job job) {
   tell(done);
 }
 
-/* The last that holds a device may be its job. */
+/* A job may hold the last reference to a device. */
 static void the_last_job_closes(vsplat_model model, vsplat_input input) {
   const vsplat_reconstruct_options options = some_voxels();
   vsplat_job_options on_end = VSPLAT_JOB_OPTIONS_INIT;
@@ -351,7 +350,7 @@ static void* stops(void* user) {
   return NULL;
 }
 
-/* A training leaves a checkpoint of its last step, from which it goes on. */
+/* A stopped training leaves a checkpoint of its last step and continues from it. */
 static void stops_a_training(vsplat_device device) {
   static const char* const endless =
       "{\"model\": \"micro\", \"steps\": 100000, \"procedural\": 1, \"checkpoint_every\": 0, \"sheet_every\": 0}";
@@ -405,9 +404,9 @@ static void stops_a_reconstruction(vsplat_device device) {
   HOLD(pthread_join(id, NULL) == 0);
   printf("a reconstruction of %.0f ms was stopped in %.0f ms\n", 1e3 * whole, 1e3 * (now() - s.told));
   HOLD(!scene && now() - s.told < patience());
-  EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, NULL, &scene)); /* nothing of it is left */
+  EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, NULL, &scene)); /* no effect of it remains */
   vsplat_scene_release(scene);
-  EXPECT(VSPLAT_OK, vsplat_device_cancel(device)); /* nobody is there to stop */
+  EXPECT(VSPLAT_OK, vsplat_device_cancel(device)); /* there is nothing to stop */
   vsplat_input_release(input);
   vsplat_model_release(model);
 }

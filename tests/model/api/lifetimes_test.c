@@ -1,6 +1,6 @@
-/* A call holds what it was given, whoever lets go of it meanwhile; functions that the library calls may call it; a
-   process that exits ends its jobs. Prints every check that does not hold; exits 1 if any did.
-   With an argument it is the process that exits: lifetimes_test NUMBER. */
+/* A call keeps its arguments alive even if they are released meanwhile; callbacks may call the library; a process that
+   exits ends its jobs. Prints every check that fails; exits 1 if any did. With an argument, this is the process that
+   exits: lifetimes_test NUMBER. */
 #include <pthread.h>
 #include <spawn.h>
 #include <stdlib.h>
@@ -31,7 +31,7 @@ static void* let_go(void* user) {
   return NULL;
 }
 
-/* The last counts of everything go while the call runs: here, or on another thread. */
+/* The last references are released while the call runs: here, or on another thread. */
 static int32_t letting_go(void* user, const char* stage, double done) {
   given* all = user;
   pthread_t thread;
@@ -106,7 +106,7 @@ static void test_letting_go(int stream, int on_a_thread) {
   HOLD(colour[3 * (PIXELS / 2 + EDGE / 2)] != 0);
 }
 
-/* A job's end that releases the last count of the job, and of all that it was begun with. */
+/* A job's end callback that releases the last reference to the job and to all of its arguments. */
 static void last_of_all(void* user, vsplat_job job) {
   vsplat_job_release(job);
   let_go(user);
@@ -126,7 +126,7 @@ static void test_job_let_go(void) {
   vsplat_job_release(job);
 }
 
-/* What a scene becomes while it is drawn is drawn by the next call. */
+/* A change of a scene while it is drawn takes effect in the next call. */
 typedef struct change {
   vsplat_scene scene;
   int calls;
@@ -165,7 +165,7 @@ static void test_changes(void) {
   vsplat_device_release(device);
 }
 
-/* Functions that call back. */
+/* Callbacks that call the library. */
 typedef struct asked {
   vsplat_scene scene;
   const char* other;
@@ -184,7 +184,7 @@ static void wrote(void* user, const char* path, int32_t created) {
   if (a->written++) return;
   EXPECT(VSPLAT_OK, vsplat_scene_load(path, &again));
   vsplat_scene_release(again);
-  EXPECT(VSPLAT_OK, vsplat_file_rules_set(NULL)); /* the rules that are just asked */
+  EXPECT(VSPLAT_OK, vsplat_file_rules_set(NULL)); /* the rules being consulted */
 }
 static void logs(void* user, vsplat_log_level level, const char* text) {
   asked* a = user;
@@ -211,7 +211,7 @@ static void test_calls_back(void) {
   HOLD(access(other, F_OK) == 0);
   EXPECT(VSPLAT_OK, vsplat_file_rules_set(NULL));
   vsplat_log_set(logs, &a);
-  vsplat_input_release(make_input(model, EDGE)); /* tells what it found */
+  vsplat_input_release(make_input(model, EDGE)); /* logs what it found */
   HOLD(a.messages == 1);
   vsplat_log_set(NULL, NULL);
   remove(one), remove(other), remove(folder);
@@ -219,7 +219,7 @@ static void test_calls_back(void) {
   vsplat_model_release(model);
 }
 
-/* A process that ends while its jobs run and wait. */
+/* A process that ends while its jobs run or wait. */
 static int32_t tells(void* user, const char* stage, double done) {
   const char byte = 1;
   (void)stage, (void)done;

@@ -1,5 +1,5 @@
-/* Data as callers have it: pictures of 8 and 16 bits, in rows with gaps, with alpha multiplied in, seen through lenses;
-   models and scenes as a file's bytes. Each is what the plain form of the same is. */
+/* Data as callers have them: pictures of 8 and 16 bits, in rows with gaps, with premultiplied alpha, seen through
+   lenses; models and scenes as a file's bytes. Each equals the result of the plain form. */
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -34,7 +34,7 @@ static unsigned char* bytes_of(const char* path, size_t* size) {
   return out;
 }
 
-/* Two views that differ in their picture alone; `camera_change` may give them a lens. */
+/* Two views that differ only in their picture; `camera_change` may give them a lens. */
 static vsplat_views views_with(const vsplat_view* picture, const vsplat_camera* lens) {
   vsplat_view all[2] = {VSPLAT_VIEW_INIT, VSPLAT_VIEW_INIT};
   vsplat_views out = NULL;
@@ -56,7 +56,7 @@ static vsplat_views views_with(const vsplat_view* picture, const vsplat_camera* 
   return out;
 }
 
-/* What the network gets of them, as pictures in a folder's files. */
+/* The network's input for these views, as pictures in a folder. */
 static unsigned char* seen(vsplat_model model, const vsplat_view* picture, const vsplat_camera* lens, size_t* size) {
   vsplat_views views = views_with(picture, lens);
   vsplat_input input = NULL;
@@ -112,7 +112,7 @@ static void test_pixels(vsplat_model model) {
   other = plain, other.pixels = NULL;
   other.data = f16, other.type = VSPLAT_PIXELS_F16;
   HOLD(same(model, &plain, NULL, &other, NULL));
-  /* Alpha: colours and alphas that halves hold, so that multiplying and dividing lose nothing. */
+  /* Alpha: colours and alphas that are exact in half precision, so that multiplying and dividing lose nothing. */
   for (i = 0; i < PIXELS; ++i) {
     const float alpha = (float)(i % 3) / 2.0f;
     int c;
@@ -148,7 +148,7 @@ static void test_lenses(vsplat_model model) {
   HOLD(!same(model, &plain, &none, &plain, &lens));
   lens.lens = VSPLAT_LENS_FISHEYE;
   HOLD(!same(model, &plain, &none, &plain, &lens));
-  /* The same picture and the same lens in files. */
+  /* The same picture and lens, from files. */
   lens.lens = VSPLAT_LENS_OPENCV;
   memory = seen(model, &plain, &lens, &nmemory);
   {
@@ -177,7 +177,7 @@ static void test_lenses(vsplat_model model) {
   vsplat_views_release(views);
 }
 
-/* What is drawn, as programs keep it: each form is made of the plain one. */
+/* Output formats: each equals the conversion of the plain one. */
 static void test_pictures_out(vsplat_device device, vsplat_scene scene) {
   enum { GAP = 5 };
   static float colour[PIXELS * 3], alpha[PIXELS], over_black[PIXELS * 3], f32[PIXELS * 4];
@@ -206,7 +206,7 @@ static void test_pictures_out(vsplat_device device, vsplat_scene scene) {
   for (i = 0; i < EDGE; ++i)
     for (c = 0; c < GAP; ++c) bad += rows[i][EDGE * 3 + c] != 171;
   HOLD(bad == 0);
-  /* Without the background: what is drawn over black is multiplied by alpha. */
+  /* Without the background: drawing over black gives premultiplied colours. */
   options.background[0] = options.background[1] = options.background[2] = 0;
   plain.colour = over_black;
   EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &plain));
@@ -247,7 +247,7 @@ static void test_pictures_out(vsplat_device device, vsplat_scene scene) {
   other.row_bytes = 0, other.type = (vsplat_pixel_type)9;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
   other.type = VSPLAT_PIXELS_F32;
-  /* Rows of which no memory holds so many. */
+  /* Rows too large for any memory. */
   for (i = 0; i < 6; ++i) {
     const size_t apart[] = {SIZE_MAX,
                             SIZE_MAX / 2,
@@ -260,17 +260,17 @@ static void test_pictures_out(vsplat_device device, vsplat_scene scene) {
     HOLD(strstr(vsplat_last_error(), "picture.row_bytes is ") != NULL);
     EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, &camera, 1, &options, &other));
   }
-  /* As many bytes as the caller says. */
+  /* The caller's byte count is respected. */
   other.row_bytes = EDGE * 12 + 4, other.data_bytes = (EDGE - 1) * (EDGE * 12 + 4) + EDGE * 12 - 1, other.capacity = 0;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
   HOLD(strstr(vsplat_last_error(), "picture.data_bytes is 3131") != NULL);
   ++other.data_bytes;
   EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
   other.data_bytes = 0;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other)); /* nobody has told a size */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other)); /* no size is given */
 }
 
-/* Each output has memory of its own, and there is at least one. */
+/* Each output has its own memory, and there is at least one. */
 static void test_outputs(vsplat_device device, vsplat_scene scene) {
   static float all[8 * PIXELS];
   vsplat_camera cameras[2] = {VSPLAT_CAMERA_INIT, VSPLAT_CAMERA_INIT};
@@ -291,13 +291,13 @@ static void test_outputs(vsplat_device device, vsplat_scene scene) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, cameras, NULL, pictures));
   HOLD(strstr(vsplat_last_error(), "picture.colour and picture.depth share memory") != NULL);
   pictures[0].depth = NULL;
-  EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras, 2, NULL, pictures)); /* the second is not wanted */
+  EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras, 2, NULL, pictures)); /* the second is not requested */
   pictures[0].ids = (int32_t*)all;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, cameras, 2, NULL, pictures));
   pictures[0].ids = NULL, pictures[1].alpha = all + 3 * PIXELS;
   EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras, 2, NULL, pictures));
   pictures[0].colour = pictures[1].alpha = NULL;
-  /* Side by side in one frame, whose rows they take turns in; and a plane in the gaps between the rows. */
+  /* Two pictures side by side in one frame with interleaved rows, and a plane in the gaps between the rows. */
   for (i = 0; i < 2; ++i) {
     pictures[i].data = (unsigned char*)all + i * EDGE * 3;
     pictures[i].type = VSPLAT_PIXELS_U8, pictures[i].row_bytes = 2 * EDGE * 3;
@@ -358,7 +358,7 @@ static void test_refusals(vsplat_device device, vsplat_scene scene) {
   HOLD(views == NULL);
 }
 
-/* What a file would hold. */
+/* The bytes that a file would hold. */
 static int is_file(const char* name, const char* bytes, size_t size) {
   size_t there = 0;
   unsigned char* file = bytes_of(in_folder(name), &there);
@@ -399,7 +399,7 @@ static void test_files_to_memory(vsplat_model model, vsplat_scene scene) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save_memory(&picture, EDGE, EDGE, (vsplat_picture_format)9, &other, &size));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_memory(model, (vsplat_dtype)9, &other, &size));
   HOLD(other == NULL);
-  EXPECT(VSPLAT_OK, vsplat_scene_save(scene, in_folder("two.ply"))); /* files are files again */
+  EXPECT(VSPLAT_OK, vsplat_scene_save(scene, in_folder("two.ply"))); /* files work again */
   HOLD(access(in_folder("two.ply"), F_OK) == 0);
 }
 

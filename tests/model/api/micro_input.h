@@ -1,4 +1,4 @@
-/* Two grey-and-coloured views of an object in memory, a model that takes them, and what it is asked for. */
+/* Two views of an object in memory, one grey and one coloured, a model that accepts them, and its options. */
 #ifndef VSPLAT_TESTS_API_MICRO_INPUT_H
 #define VSPLAT_TESTS_API_MICRO_INPUT_H
 #include <stdlib.h>
@@ -15,7 +15,7 @@ static vsplat_model make_model(const char* config, uint64_t seed) {
   return out;
 }
 
-/* From the front and from behind, `edge` pixels along a side. */
+/* From the front and from behind, `edge` pixels to a side. */
 static vsplat_input make_input(vsplat_model model, int edge) {
   const size_t values = (size_t)edge * (size_t)edge * 3;
   float* pixels = malloc(values * sizeof(float));
@@ -40,7 +40,7 @@ static vsplat_input make_input(vsplat_model model, int edge) {
   return out;
 }
 
-/* Voxels that are taken whatever a random network selects. */
+/* Voxels that are used regardless of what a random network selects. */
 static vsplat_reconstruct_options some_voxels(void) {
   static const int32_t voxels[] = {3, 21, 40};
   vsplat_reconstruct_options out = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
@@ -49,7 +49,7 @@ static vsplat_reconstruct_options some_voxels(void) {
   return out;
 }
 
-/* The spherical harmonics of a scene, all of them; the caller's to free. */
+/* All spherical harmonics of a scene; the caller frees them. */
 static float* values_of(vsplat_scene scene, size_t* out_bytes) {
   vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
   vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;

@@ -1,5 +1,5 @@
-/* A program with OpenCL of its own beside the library, in plain C: its context and queue, pictures and gradients in its
-   buffers, its kernel on the library's. Prints every check that does not hold; exits 1 if any did. */
+/* A program that uses OpenCL beside the library, in plain C: its context and queue, pictures and gradients in its
+   buffers, its kernel on the library's buffers. Prints every check that fails; exits 1 if any did. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -45,7 +45,7 @@ static void draws_into_buffers(program p, vsplat_device device, vsplat_scene sce
   clReleaseMemObject(picture.depth);
 }
 
-/* No copy of the picture is in the profile: what is read is how much each frame sees. */
+/* The profile contains no copy of the picture: only the number of visible Gaussians is read for each frame. */
 static void copies_no_picture(program p, vsplat_device device, vsplat_scene scene) {
   const vsplat_camera camera = make_camera();
   vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
@@ -54,7 +54,8 @@ static void copies_no_picture(program p, vsplat_device device, vsplat_scene scen
   double bytes = 0;
   int i;
   picture.colour = buffer_of(p, values, NULL);
-  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL)); /* it is placed now */
+  EXPECT(VSPLAT_OK,
+         vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL)); /* it is on the device now */
   EXPECT(VSPLAT_OK, vsplat_device_profile(device, 1));
   for (i = 0; i < 10; ++i)
     EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
@@ -120,7 +121,7 @@ static void differentiates_in_buffers(program p, vsplat_device device, vsplat_sc
   want.means = want_means, want.sh = want_sh;
   EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &want, NULL));
   by.colour = buffer_of(p, values, by_colour);
-  got.means = buffer_of(p, 3 * count, by_colour); /* what was there is replaced */
+  got.means = buffer_of(p, 3 * count, by_colour); /* earlier values are replaced */
   got.sh = buffer_of(p, 3 * count, NULL);
   EXPECT(VSPLAT_OK, vsplat_opencl_render_backward(device, scene, &camera, NULL, &by, &got, 0, NULL, NULL));
   read_back(p, got.means, 3 * count, got_means);
@@ -157,7 +158,7 @@ static void takes_scenes_from_buffers(program p, vsplat_device device, vsplat_sc
   clReleaseMemObject(from.sh);
 }
 
-/* A kernel of the program's makes every Gaussian's colour twice as far from grey, where the library has it. */
+/* A kernel of the program doubles the distance from grey of every Gaussian's colour, in the library's memory. */
 static void a_kernel_changes_the_scene(program p, vsplat_device device) {
   static pictures before, changed, again;
   static float stored[3 * count];
@@ -184,12 +185,12 @@ static void a_kernel_changes_the_scene(program p, vsplat_device device) {
   arrays.capacity = count;
   arrays.sh = stored;
   EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
-  HOLD(memcmp(stored, sh, sizeof stored) == 0); /* the scene itself is as it was */
+  HOLD(memcmp(stored, sh, sizeof stored) == 0); /* the scene itself is unchanged */
   EXPECT(VSPLAT_OK, vsplat_opencl_scene_store(device, scene));
   EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
   for (i = 0; i < 3 * count; ++i) good = good && stored[i] == 2 * sh[i];
   HOLD(good);
-  EXPECT(VSPLAT_OK, vsplat_device_trim(device)); /* placed anew from the host */
+  EXPECT(VSPLAT_OK, vsplat_device_trim(device)); /* uploaded again from the host */
   draw_to_host(device, scene, &again);
   HOLD(memcmp(&again, &changed, sizeof again) == 0);
   clReleaseKernel(twice);
@@ -210,7 +211,7 @@ static void refuses(program p, program other, vsplat_device device, vsplat_scene
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(&h, NULL, &none));
   HOLD(strstr(vsplat_last_error(), "cl_command_queue") != NULL);
   h.context = other.context;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(&h, NULL, &none)); /* its queue runs out of order */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(&h, NULL, &none)); /* an out-of-order queue */
   HOLD(strstr(vsplat_last_error(), "out of order") != NULL && !none);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_get_handles(NULL, &h));
   picture.colour = buffer_of(p, values - 1, NULL);
@@ -232,7 +233,7 @@ static void refuses(program p, program other, vsplat_device device, vsplat_scene
   HOLD(strstr(vsplat_last_error(), "nothing to draw into") != NULL);
 }
 
-/* One buffer, or two parts of one that overlap, for two outputs; or for what is read and what is written. */
+/* One buffer, or two overlapping parts of one, for two outputs, or for an input and an output. */
 static void refuses_shared(program p, vsplat_device device, vsplat_scene scene) {
   const vsplat_camera camera = make_camera();
   vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
@@ -271,7 +272,8 @@ static void* fails(void* user) {
   return NULL;
 }
 
-/* Events that have failed, or fail while they are waited for, and one of another context. The device is as before. */
+/* Events that have failed, that fail while being waited for, or that belong to another context. The device stays
+   usable. */
 static void refuses_failed_events(program p, program other, vsplat_device device, vsplat_scene scene) {
   static pictures before, after;
   const vsplat_camera camera = make_camera();

@@ -1,5 +1,5 @@
 /* Camera paths, contact sheets, animations and comparisons through the C interface, without a device. Prints every
-   check that does not hold; exits 1 if any did. */
+   check that fails; exits 1 if any did. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,7 +29,7 @@ static void put(const char* path, const char* text) {
   if (!file || fputs(text, file) < 0 || fclose(file) != 0) HOLD(!"a file can be written");
 }
 
-/* Two cameras, of pictures a.png and (without a name) 0001.png; the second one turned by 90 degrees about y. */
+/* Two cameras with pictures a.png and (without a name) 0001.png; the second is rotated by 90 degrees about y. */
 static vsplat_cameras load_keys(void) {
   vsplat_cameras out = NULL;
   put("cameras.json",
@@ -136,7 +136,7 @@ static void sheets(void) {
   options.cell = 12;
   options.columns = 2;
   EXPECT(VSPLAT_OK, vsplat_sheet_create(&options, &sheet));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_sheet_save(sheet, "sheet.png")); /* nothing in it */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_sheet_save(sheet, "sheet.png")); /* it is empty */
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_sheet_add(sheet, &picture, width, height + 1));
   EXPECT(VSPLAT_OK, vsplat_sheet_add(sheet, &picture, width, height));
   EXPECT(VSPLAT_OK, vsplat_sheet_add(sheet, &picture, height, width));
@@ -210,7 +210,7 @@ static void comparisons(void) {
   HOLD(i == floats);
   EXPECT(VSPLAT_OK, vsplat_compare(colour, colour, width, height, &found, NULL));
   HOLD(isinf(found.psnr) && found.psnr > 0 && fabs(found.ssim - 1) < 1e-12);
-  EXPECT(VSPLAT_OK, vsplat_compare(colour, colour, 4, 4, &found, NULL)); /* no window fits */
+  EXPECT(VSPLAT_OK, vsplat_compare(colour, colour, 4, 4, &found, NULL)); /* smaller than a window */
   HOLD(isnan(found.ssim));
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_compare(colour, colour, 0, 4, &found, NULL));
   remove("a.jpg");

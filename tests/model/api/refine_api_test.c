@@ -1,5 +1,5 @@
-/* A caller's own loop of refinement on pictures in memory, in plain C: step, stop, take the scene. Prints every check
-   that does not hold; exits 1 if any did. */
+/* A caller's own refinement loop with pictures in memory, in plain C: step, stop, take the scene. Prints every check
+   that fails; exits 1 if any did. */
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -18,7 +18,7 @@ static vsplat_device open_device(void) {
   return out;
 }
 
-/* Balls in a spiral, in colours or in grey; or discs. */
+/* Balls in a spiral, coloured or grey; or discs. */
 static vsplat_scene make_shapes(int coloured, int surfels) {
   static float means[3 * count], scales[3 * count], rotations[4 * count], opacities[count], sh[3 * count];
   vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
@@ -47,7 +47,7 @@ static vsplat_scene make_shapes(int coloured, int surfels) {
 
 static vsplat_scene make_scene(int coloured) { return make_shapes(coloured, 0); }
 
-/* Camera `i` of a circle about the origin, at a distance of 2. */
+/* Camera `i` on a circle about the origin, at a distance of 2. */
 static vsplat_camera make_camera(int i) {
   vsplat_camera out = VSPLAT_CAMERA_INIT;
   const double a = 1.05 * i, s = sin(a), c = cos(a);
@@ -105,7 +105,7 @@ static void refuses(vsplat_device device, vsplat_views from, vsplat_scene start)
   o.start = VSPLAT_REFINE_NETWORK; /* without a model */
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
   o = make_options(start);
-  o.start = VSPLAT_REFINE_POINTS; /* of pictures in memory */
+  o.start = VSPLAT_REFINE_POINTS; /* not available for pictures in memory */
   EXPECT(VSPLAT_ERROR_FILE, vsplat_refinement_create(device, from, &o, &none));
   o = make_options(start);
   o.names = &nobody, o.num_names = 1;
@@ -154,7 +154,7 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   }
   HOLD(steps == 200);
   HOLD(progress.loss < first);
-  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more)); /* there is none left */
+  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more)); /* no step is left */
   HOLD(more == 0);
   EXPECT(VSPLAT_OK, vsplat_refinement_get_result(refinement, &result));
   HOLD(result.returned == 0 && result.num_judged == 1 && result.claimed == 0);
@@ -197,7 +197,7 @@ static void* stops_again_and_again(void* user) {
   return NULL;
 }
 
-/* Means of what a refinement ends with, views left out in turn, and how many of its steps were stopped. */
+/* The means after a refinement that rotates its held-out views, and how many of its steps were stopped. */
 static int refined(vsplat_device device, vsplat_views from, vsplat_scene start, int impatient, float* means) {
   vsplat_refine_options o = make_options(start);
   vsplat_refinement refinement = NULL;
@@ -230,13 +230,13 @@ static int refined(vsplat_device device, vsplat_views from, vsplat_scene start, 
   return stopped;
 }
 
-/* Wherever a step is stopped, the next call goes on as if it had not been. */
+/* Wherever a step is stopped, the next call continues as if it had not been. */
 static void stopped_by_another_thread_it_goes_on(vsplat_device device, vsplat_views from, vsplat_scene start) {
   float want[3 * count], got[3 * count];
   memset(want, 0, sizeof want);
   memset(got, 0, sizeof got);
   HOLD(refined(device, from, start, 0, want) == 0 && want[0] != 0);
-  HOLD(refined(device, from, start, 1, got) > 2); /* as often as the other thread gets its turn */
+  HOLD(refined(device, from, start, 1, got) > 2); /* as often as the other thread is scheduled */
   HOLD(memcmp(want, got, sizeof want) == 0);
 }
 

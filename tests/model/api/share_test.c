@@ -1,4 +1,4 @@
-/* Work shared out over devices: every item once and in order, whichever device fails, and nothing done twice. */
+/* Work distributed over devices: every item once and in order, whichever device fails, and nothing done twice. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,9 +24,9 @@ struct work {
   size_t bad_item; /* fails with `bad` on any device; ITEMS: none */
   vsplat_status bad;
   int device_gone;   /* devices[1] fails from item 4 on */
-  size_t stop_after; /* on_done ends it there; ITEMS: never */
+  size_t stop_after; /* on_done ends the work there; ITEMS: never */
   pthread_mutex_t mutex;
-  int failed_call; /* bad_item fails by a call of the interface */
+  int failed_call; /* bad_item fails through a call of the library */
 };
 
 static vsplat_status do_item(void* user, vsplat_device device, size_t index, size_t item) {
@@ -83,11 +83,11 @@ static void test_others_go_on(struct work* w, vsplat_scene wanted) {
   size_t i;
   w->device_gone = 1;
   EXPECT(VSPLAT_OK, run(w, DEVICES));
-  HOLD(w->told == ITEMS && w->losses <= 1); /* none where it was never asked */
+  HOLD(w->told == ITEMS && w->losses <= 1); /* no loss if the device got no item */
   if (w->losses) HOLD(w->lost_index == 1 && w->lost_item >= 4);
   for (i = 0; i < ITEMS; ++i) HOLD(are_equal(w->scenes[i], wanted));
   w->device_gone = 0;
-  w->bad_item = 7, w->bad = VSPLAT_ERROR_DEVICE; /* no device can */
+  w->bad_item = 7, w->bad = VSPLAT_ERROR_DEVICE; /* fails on every device */
   EXPECT(VSPLAT_ERROR_DEVICE, run(w, DEVICES));
   HOLD(w->losses == DEVICES - 1 && w->told <= 7);
   w->bad_item = ITEMS;
@@ -98,7 +98,7 @@ static void test_what_ends_it(struct work* w) {
   EXPECT(VSPLAT_ERROR_INPUT, run(w, DEVICES));
   HOLD(w->told == 5 && w->losses == 0);
   w->failed_call = 1;
-  EXPECT(VSPLAT_ERROR_USAGE, run(w, DEVICES)); /* of the call, as its sentence */
+  EXPECT(VSPLAT_ERROR_USAGE, run(w, DEVICES)); /* status and message of the failed call */
   HOLD(strstr(vsplat_last_error(), "out_scene") != NULL);
   w->failed_call = 0;
   w->bad = (vsplat_status)77;

@@ -1,5 +1,5 @@
-/* A device that several threads take at once, that a callback takes, and that a child of fork() takes, in plain C. Each
-   call works or says that it does not. Prints every check that does not hold; exits 1 if any did. */
+/* A device used by several threads at once, by a callback, and by a child of fork(), in plain C. Each call either works
+   or fails with an error. Prints every check that fails; exits 1 if any did. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -45,7 +45,7 @@ static vsplat_status draw(vsplat_device device, vsplat_scene scene, const vsplat
 }
 
 typedef struct work {
-  vsplat_device device; /* NULL: one of its own */
+  vsplat_device device; /* NULL: each opens its own */
   vsplat_scene scene;
   const float* want;
   int drawn, busy, other, wrong;
@@ -73,7 +73,7 @@ static void* draws_again_and_again(void* user) {
   return NULL;
 }
 
-/* Of 8 threads; `device` NULL: each has one of its own. */
+/* Runs 8 threads; with `device` NULL each opens its own. */
 static work at_once(vsplat_device device, vsplat_scene scene, const float* want) {
   pthread_t ids[threads];
   work all[threads], sum;
@@ -149,7 +149,7 @@ int main(void) {
   work w;
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   EXPECT(VSPLAT_OK, draw(device, scene, NULL, want));
-  HOLD(want[3 * (pixels / 2 + side / 2)] != want[0]); /* something is there */
+  HOLD(want[3 * (pixels / 2 + side / 2)] != want[0]); /* the picture is not empty */
   w = at_once(device, scene, want);
   HOLD(w.other == 0 && w.wrong == 0 && w.drawn > 0 && w.busy > 0 && w.drawn + w.busy == threads * calls);
   w = at_once(NULL, scene, want);

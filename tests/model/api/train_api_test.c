@@ -1,5 +1,5 @@
-/* Training through the C interface: misuse with the status of each, the configuration, and the plan of its memory. What
-   a training does is tested through the command, which is made of the same calls. */
+/* Training through the C interface: misuse with the status of each call, the configuration, and its memory plan. The
+   training itself is tested through the command, which uses the same calls. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -74,7 +74,7 @@ static void plans(vsplat_device device) {
   options.selected = 0.75;
   EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &options, &more));
   HOLD(more.peak > usual.peak);
-  options.intersections = 100000000; /* no more than there can be */
+  options.intersections = 100000000; /* the largest possible number */
   EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &options, &drawn));
   options.bound = 1;
   EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &options, &bound));
@@ -86,7 +86,7 @@ static void tells_what_does_not_fit(void) {
   vsplat_device_options options = VSPLAT_DEVICE_OPTIONS_INIT;
   vsplat_plan plan = VSPLAT_PLAN_INIT;
   int i;
-  for (i = 0; i < 2; ++i) { /* of some 100 KiB, and less than the largest weights take */
+  for (i = 0; i < 2; ++i) { /* of about 100 KiB, and less than the largest weights take */
     options.max_memory_gib = i ? 0.00004 : 0.0001;
     EXPECT(VSPLAT_OK, vsplat_device_open(&options, &device));
     EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, NULL, &plan));
@@ -95,7 +95,7 @@ static void tells_what_does_not_fit(void) {
   }
 }
 
-/* Whoever says stop says it again while a training writes what it has: as a user does who sees nothing happen. */
+/* Requests the stop again while a training writes its state, like a user who sees no reaction. */
 typedef struct stopping {
   vsplat_device device;
   volatile int begun, ended;

@@ -15,12 +15,12 @@ Distortion opencv(std::initializer_list<double> k) {
 
 TEST(Lens, ReachesAsFarAsItGrows) {
   EXPECT_TRUE(reaches({}, 1e3));
-  const Distortion barrel{Distortion::Model::opencv, {-0.3}};  // r - 0.3 r^3 is largest at r = 1.054, 0.703 there
+  const Distortion barrel{Distortion::Model::opencv, {-0.3}};  // r - 0.3 r^3 has its maximum at r = 1.054: 0.703
   EXPECT_TRUE(reaches(barrel, 0.69));
   EXPECT_FALSE(reaches(barrel, 0.71));
   EXPECT_FALSE(reaches({Distortion::Model::opencv, {-1e6}}, 0.1));
   EXPECT_TRUE(reaches({Distortion::Model::opencv, {0.5}}, 2));
-  EXPECT_TRUE(reaches({Distortion::Model::fisheye, {}}, 1.5));  // the angle itself, below a right one
+  EXPECT_TRUE(reaches({Distortion::Model::fisheye, {}}, 1.5));  // the angle itself, below a right angle
   EXPECT_FALSE(reaches({Distortion::Model::fisheye, {}}, 1.6));
   EXPECT_FALSE(reaches({Distortion::Model::fisheye, {-1}}, 0.5));  // theta - theta^3: 0.385
 }
@@ -47,7 +47,7 @@ TEST(Lens, FollowsTheRationalModelTermByTerm) {
 
 TEST(Lens, FollowsTheFisheyeModel) {
   const Lens lens({Distortion::Model::fisheye, {0.05, -0.01, 0.002, -0.0003}}, 3);
-  const double theta = 1.1, turn = 0.7;  // an angle from the axis, and about it
+  const double theta = 1.1, turn = 0.7;  // angle from the axis, and about it
   double xd = 0, yd = 0;
   ASSERT_TRUE(lens.distort(std::tan(theta) * std::cos(turn), std::tan(theta) * std::sin(turn), xd, yd));
   const double t2 = theta * theta;
@@ -81,7 +81,7 @@ TEST(Lens, KnowsAPinhole) {
   EXPECT_TRUE(is_pinhole({}));
   EXPECT_TRUE(is_pinhole(opencv({})));
   EXPECT_FALSE(is_pinhole(opencv({0, 0, 0, 0, 0, 0, 0, 1e-3})));
-  // A fisheye without parameters still bends: theta_d = theta.
+  // A fisheye lens without parameters still distorts: theta_d = theta.
   EXPECT_FALSE(is_pinhole({Distortion::Model::fisheye, {}}));
 }
 

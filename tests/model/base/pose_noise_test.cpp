@@ -10,7 +10,7 @@
 namespace vsplat {
 namespace {
 
-// The exponential by its series for a 1024th of the step, ten times squared.
+// The exponential, as a series for a 1024th of the step, squared ten times.
 Eigen::Matrix4d exponential(const PoseTwist& t) {
   Eigen::Matrix4d a = Eigen::Matrix4d::Zero(), term = Eigen::Matrix4d::Identity(), out = term;
   a << 0, -t[2], t[1], t[3], t[2], 0, -t[0], t[4], -t[1], t[0], 0, t[5], 0, 0, 0, 0;

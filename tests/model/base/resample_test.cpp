@@ -27,7 +27,7 @@ Image random_picture(int w, int h, int channels, unsigned seed) {
   return out;
 }
 
-// Opaque, with the value of f at the pixels' centres in every colour.
+// An opaque picture with the value of f at the pixel centres in every channel.
 Image drawn(int w, int h, const std::function<double(double, double)>& f) {
   Image out(w, h, 4, 1.0f);
   for (int y = 0; y < h; ++y)
@@ -70,8 +70,7 @@ TEST(Resample, AveragesBlocksWhenMadeAWholeNumberSmaller) {
       }
 }
 
-// The picture and its intrinsics move together exactly: a ramp has, at every pixel of the result, the value of its
-// place.
+// The picture and its intrinsics change consistently: each result pixel of a ramp has the value of its position.
 TEST(Resample, ReproducesRampsAtEveryScale) {
   const auto ramp = [](double x, double y) { return 0.2 + 0.003 * x + 0.002 * y; };
   const Image in = drawn(97, 83, ramp);
@@ -106,7 +105,7 @@ TEST(Resample, DoesNotDarkenTheBorderOfTheWholePicture) {
   }
 }
 
-// One colour with a soft edge over noise: wherever the result shows anything, it shows that colour.
+// One colour with a soft edge over noise: every visible result pixel has that colour.
 TEST(Resample, NothingBleedsFromBehindAlphaZero) {
   std::mt19937 rng(4);
   Image picture = random_picture(60, 60, 4, 3);
@@ -160,7 +159,7 @@ TEST(ResampleUndistorted, IsTheSameWithoutDistortion) {
   }
 }
 
-// Where (u, v) of a distorted picture was before: Newton on an independent statement of the models, with a difference
+// The undistorted position of (u, v): Newton's method on an independent implementation of the models, with a difference
 // quotient.
 void undistorted(const Camera& camera, double u, double v, double& x, double& y) {
   const auto forward = [&](double a, double b, double& c, double& d) {
@@ -192,7 +191,7 @@ void undistorted(const Camera& camera, double u, double v, double& x, double& y)
   }
 }
 
-// A scene that is smooth in the undistorted picture, photographed through the lens: after resampling it is back.
+// A scene that is smooth in the undistorted picture, photographed through the lens: resampling restores it.
 TEST(ResampleUndistorted, BringsBackWhatThePinholeSees) {
   const auto scene = [](double x, double y) { return 0.5 + 0.2 * std::sin(5 * x + 1) + 0.2 * std::cos(4 * y - 2 * x); };
   for (const Distortion& distortion :
@@ -217,7 +216,7 @@ TEST(ResampleUndistorted, BringsBackWhatThePinholeSees) {
           worst = std::max(worst,
                            std::abs(out.at(i, j)[0] - scene((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)));
         }
-      // A pixel's mean differs from the value in its middle by at most width^2 / 24 of the scene's curvature (13 /
+      // A pixel's mean differs from the value at its centre by at most width^2 / 24 of the scene's curvature (13 /
       // fx^2).
       EXPECT_LT(worst, size == 24 ? 1.5e-3 : 4e-4)
           << "model " << static_cast<int>(distortion.model) << ", k1 " << distortion.k[0] << ", size " << size;
@@ -243,7 +242,7 @@ TEST(ResampleUndistorted, IsWhiteBeyondTheFold) {
   EXPECT_GT(seen, 300);
 }
 
-// A picture that is not square, as it is: every pixel, and nothing beside it.
+// A rectangular picture, unscaled: every pixel is kept, and nothing is added beside it.
 TEST(Resample, KeepsARectangularPictureThatIsNotScaled) {
   const Image in = premultiplied(random_picture(31, 23, 4, 8));
   const Image whole = resample(in, {0, 0, 31, 31, 23});
@@ -277,7 +276,7 @@ TEST(Resample, ReproducesRampsInRectangularWindows) {
     }
 }
 
-// The rows of a rectangular window are those of the square one about it.
+// The rows of a rectangular window equal those of the square window around it.
 TEST(ResampleUndistorted, RectangularWindowsArePartsOfSquareOnes) {
   const Image in = premultiplied(random_picture(120, 90, 4, 10));
   for (const Camera& camera : {camera_with({Distortion::Model::opencv, {0.2, -0.05, 0.01, -0.02}}),

@@ -91,7 +91,7 @@ TEST(Transform, IdentityKeepsEveryBit) {
   EXPECT_EQ(moved.sh, g.sh);
 }
 
-// The covariance of every Gaussian turns and grows with the frame.
+// The covariance of every Gaussian rotates and scales with the frame.
 TEST(Transform, CovarianceTurns) {
   std::mt19937 engine(3);
   const Gaussians g = test::make_scene({"", 20, 0, 0, 0, ""}, 2);
@@ -113,7 +113,7 @@ TEST(Transform, CovarianceTurns) {
   }
 }
 
-// Up turns with the frame; neither the frame's scale nor its shift touch it.
+// Up rotates with the frame; scale and translation do not change it.
 TEST(Transform, UpTurns) {
   Similarity move;
   move.scale = 7;
@@ -130,7 +130,7 @@ TEST(Transform, UpTurns) {
   EXPECT_NEAR((*scene.up)[2], -1, 1e-6);
 }
 
-// The world where floats hold it, else the cube's centre, at any size of cube.
+// The world's origin if floats suffice, else the cube's centre, for any size of cube.
 TEST(Offset, IsNothingUntilFloatsDoNotHoldTheWorld) {
   for (const double edge : {1e-3, 1.0, 1e5}) {
     EXPECT_EQ(offset_for(Eigen::Vector3d(1000, -1600, 20) * edge, edge), Eigen::Vector3d::Zero());
@@ -138,7 +138,7 @@ TEST(Offset, IsNothingUntilFloatsDoNotHoldTheWorld) {
   }
 }
 
-// Into a world far away and back: what floats hold of a cube at the origin.
+// To a distant place in the world and back: the precision of floats in a cube at the origin is kept.
 TEST(Offset, KeepsWhatIsFarAway) {
   std::mt19937 engine(5);
   Scene scene;
@@ -158,7 +158,7 @@ TEST(Offset, KeepsWhatIsFarAway) {
     const Eigen::Vector3d world = moved.offset + after.cast<double>();
     EXPECT_LT((world - move.apply(before.cast<double>())).norm(), 1e-6 * (1 + before.norm()));
   }
-  // About another place in the same world, and home.
+  // Relative to another place in the same world, and back.
   Scene elsewhere = moved;
   transform(elsewhere, Similarity(), Eigen::Vector3d(3e7 + 1, -1e7, 2e7));
   EXPECT_NEAR(elsewhere.gaussians.means[0], moved.gaussians.means[0] - 1, 1e-6);

@@ -1,4 +1,5 @@
-// Data sets in all their layouts: what is found, that each layout gives the same views, and what damaged files say.
+// Data sets in all their layouts: which objects are found, that each layout gives the same views, and the errors of
+// damaged files.
 #include "model/data/data_set.h"
 
 #include <fmt/format.h>
@@ -252,7 +253,7 @@ TEST(DataSetLayouts, NameWhatIsWrongInHdf5OrLeaveItOut) {
     });
     Names skipped;
     const Photographs rest = open_object(set.objects[0], &skipped);
-    if (skipped.empty()) {  // found where the picture is decoded
+    if (skipped.empty()) {  // found when the picture is decoded
       EXPECT_EQ(rest.set.views.size(), static_cast<std::size_t>(views));
       continue;
     }
@@ -283,13 +284,13 @@ TEST(DataSetLayouts, RefuseDamagedHdf5Files) {
   test::put_file(folder / "cut.h5", bytes.substr(0, bytes.size() / 2));
   expect_error(Status::format, {"cut.h5"}, [&] { open_data_set({folder / "cut.h5"}); });
 
-  // Every 97th byte wrong, one after the other: an error of ours or, where it hits nothing that counts, a picture.
+  // Changes every 97th byte, one at a time: gives one of our errors or, if the byte does not matter, a picture.
   int errors = 0;
   for (std::size_t at = 0; at < bytes.size(); at += 97) {
     std::string damaged = bytes;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x5a);
     test::put_file(folder / "bits.h5", damaged);
-    // Not as if it were still being written, which would take a new reader for each picture.
+    // Backdated, because a file that may still be written needs a new reader for each picture.
     fs::last_write_time(folder / "bits.h5", fs::last_write_time(folder / "whole.h5") - std::chrono::seconds(10 + at));
     try {
       for (const DataObject& object : open_data_set({folder / "bits.h5"}).objects) {

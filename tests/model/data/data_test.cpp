@@ -1,4 +1,4 @@
-// Meshes into data sets: a textured cube whose pictures are known, what is refused, names, normals, solids.
+// Meshes converted to data sets: a textured cube with known pictures, refused input, names, normals, solids.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ using Eigen::Vector3f;
 using test::put_file;
 using test::TemporaryFolder;
 
-// A box from (1,2,3) to (1,2,3) + size, quads without normals, each face showing the whole texture.
+// A box from (1,2,3) to (1,2,3) + size: quads without normals, each showing the whole texture.
 std::string box_obj(const Vector3d& size, const std::string& head = "mtllib box.mtl\n") {
   std::string out = head;
   for (int i = 0; i < 8; ++i)
@@ -84,7 +84,7 @@ TEST(MeshFile, FitsATexturedBoxIntoTheCube) {
   for (const Corner& c : mesh.corners) low = low.cwiseMin(c.position), high = high.cwiseMax(c.position);
   EXPECT_TRUE(low.isApprox(Vector3f(-0.5f, -0.25f, -0.125f)) && high.isApprox(Vector3f(0.5f, 0.25f, 0.125f)));
   EXPECT_NEAR(radius_of(mesh), Vector3d(0.5, 0.25, 0.125).norm(), 1e-6);
-  for (std::size_t i = 0; i < mesh.corners.size(); ++i) {  // edges stay edges: normals are the faces'
+  for (std::size_t i = 0; i < mesh.corners.size(); ++i) {  // edges stay sharp: normals are those of the faces
     const Corner* c = &mesh.corners[i / 3 * 3];
     const Vector3f face = (c[1].position - c[0].position).cross(c[2].position - c[0].position).normalized();
     EXPECT_LT((mesh.corners[i].normal - face).norm(), 1e-5f) << i;
@@ -116,7 +116,7 @@ TEST(RayTracer, DrawsTheFaceInSizeColourAndPlace) {
   EXPECT_EQ(picture.at(2, 2)[0], 0);
 }
 
-// A plate in front of another, 0.4 behind; the front one's texture has alpha 0 on the left, 0.6 on the right.
+// A plate 0.4 in front of another; its texture has alpha 0 on the left and 0.6 on the right.
 TEST(RayTracer, SeesThroughHoles) {
   const auto drawn = [](float cutoff) {
     Mesh mesh;
@@ -299,7 +299,7 @@ TEST(ObjectNames, AreStemsOrFoldersAndDifferent) {
   EXPECT_EQ(object_names({"x/a/model.obj", "y/a/model.obj", "a_2.ply"}), (Names{"a", "a_3", "a_2"}));
 }
 
-// Every part is closed: its volume, by the divergence theorem, is the same from wherever it is measured.
+// Every part is closed: its volume by the divergence theorem does not depend on the origin.
 TEST(Solids, AreClosedSmoothAndTheSameForASeed) {
   for (std::uint32_t i = 0; i < 8; ++i) {
     const Mesh mesh = random_solid(2, i);

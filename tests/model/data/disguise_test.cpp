@@ -1,4 +1,4 @@
-// Mirrored objects, and objects in other colours.
+// Mirrored objects, and objects with permuted colour channels.
 #include "model/data/disguise.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ using test::TemporaryFolder;
 
 constexpr int kFive = 5;
 
-// Two views from nowhere in particular, of numbers that repeat nowhere.
+// Two views in general position, with values that do not repeat.
 TrainingViews disguised_views() {
   TrainingViews out;
   out.inputs = 1;
@@ -37,7 +37,7 @@ TrainingViews disguised_views() {
   return out;
 }
 
-// Where a camera sees a point, in pixels.
+// The pixel at which a camera sees a point.
 Eigen::Vector2d pixel(const Camera& camera, const Eigen::Vector3d& point) {
   const Eigen::Vector3d p = (camera.w2c * point.homogeneous()).head<3>();
   return {camera.fx * p.x() / p.z() + camera.cx, camera.fy * p.y() / p.z() + camera.cy};
@@ -88,7 +88,8 @@ TEST(Disguise, ColoursAreExchangedAndAlphaIsNot) {
   EXPECT_TRUE(is.cameras[0].w2c.isApprox(was.cameras[0].w2c, 0));
 }
 
-// What a reader gives is what it gives without, in so large a share mirrored and in every order of the colours.
+// A reader's output equals that without augmentation, with the requested share mirrored and in every order of the
+// channels.
 TEST(Disguise, ShareOfTheObjects) {
   const TemporaryFolder folder;
   test::write_solids(folder, 1, 10, 16);

@@ -18,7 +18,7 @@ using test::TemporaryFolder;
 
 constexpr int kRoomSide = 24;
 
-// Six colours whose sRGB is their linear value, and a box in general position.
+// Six colours whose sRGB equals their linear value, and a box in general position.
 Room plain_room() {
   Room out;
   out.turn = Eigen::AngleAxisd(0.7, Vector3d(1, -2, 3).normalized()).toRotationMatrix();
@@ -41,7 +41,8 @@ Camera camera_at(const Vector3d& centre, const Vector3d& target) {
   return out;
 }
 
-// Where the segment from a point of the inside to a far point first leaves the box, by walking along it.
+// The wall at which the segment from an interior point to a distant point first leaves the box, found by walking along
+// it.
 int wall_by_walking(const Room& room, const Vector3d& inside, const Vector3d& direction) {
   for (double t = 0;; t += 1e-3) {
     const Vector3d at = room.turn * (inside + t * direction);
@@ -60,7 +61,7 @@ TEST(Room, TheWallBehindIsSeenFromInsideAndFromOutside) {
         Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)).normalized();
     const int wall = wall_by_walking(room, inside, direction);
     walls.insert(wall);
-    for (const double back : {0.0, 0.5, 20.0})  // the last is outside, behind the wall that is not there
+    for (const double back : {0.0, 0.5, 20.0})  // the last is outside, behind the invisible wall
       EXPECT_EQ(wall_colour(room, inside - back * direction, direction),
                 room.walls[static_cast<std::size_t>(wall)].material.colour)
           << i << " " << back;
@@ -76,7 +77,7 @@ TEST(Room, ARayThatPassesByMeetsALargerBox) {
   EXPECT_EQ(wall_colour(room, {100, 0, 0}, {1, 0, 0}), Vector3d::Zero().cast<float>()) << "and away from both: black";
 }
 
-// A point of a wall is of one colour from everywhere: as sRGB of the light on a gradient's value, by hand.
+// A point of a wall has the same colour from everywhere: the sRGB of light times the gradient's value, by hand.
 TEST(Room, APointOfAWallLooksTheSameFromEverywhere) {
   Room room = plain_room();
   room.light = 0.6f;
@@ -87,8 +88,9 @@ TEST(Room, APointOfAWallLooksTheSameFromEverywhere) {
   }
   Random random(4, 0, draw_stream);
   for (int i = 0; i < 200; ++i) {
-    const Vector3d at(1.5, random.uniform(-2, 2), random.uniform(-3, 3));  // on the wall of +x, in the room's axes
-    const double t = 0.6 * at.y() / 4 - 0.3 * at.z() / 6;                  // (u, v) less the middle, along the gradient
+    const Vector3d at(1.5, random.uniform(-2, 2), random.uniform(-3, 3));  // on the wall of +x, in the box's axes
+    const double t = 0.6 * at.y() / 4 - 0.3 * at.z() / 6;                  // (u, v) minus the centre, along the
+                                                                           // gradient
     const Vector3f& end = room.walls[1].colours[t < 0 ? 0 : 2];
     const auto share = static_cast<float>(std::abs(2 * t));
     for (const Vector3d& from : {Vector3d(0, 0, 0), Vector3d(0.4, -0.3, 0.2), Vector3d(-0.5, 0.1, 2)}) {
@@ -102,7 +104,7 @@ TEST(Room, APointOfAWallLooksTheSameFromEverywhere) {
   }
 }
 
-// Alpha is kept where it is 1, lies over the wall where it is not, and is 0 beside what is shown.
+// Pixels with alpha 1 are kept, others are composited over the wall, and alpha is 0 outside the shown part.
 TEST(Room, LiesBehindWhatAViewShows) {
   Room room = plain_room();
   room.shown = {0.5, 1};
@@ -127,7 +129,7 @@ TEST(Room, LiesBehindWhatAViewShows) {
       EXPECT_EQ(is[3], 255);
       const Vector3d ray((x + 0.5 - 11.5) / 30, (y + 0.5 - 12.75) / 30, 1);
       const Vector3f wall = wall_colour(room, view.camera.centre(), view.camera.c2w().topLeftCorner<3, 3>() * ray);
-      Vector3f corners = Vector3f::Zero();  // where all of a pixel is of one wall
+      Vector3f corners = Vector3f::Zero();  // pixels that show a single wall
       for (const double dx : {-0.5, 0.5})
         for (const double dy : {-0.5, 0.5})
           corners += wall_colour(room, view.camera.centre(),
@@ -143,7 +145,7 @@ TEST(Room, LiesBehindWhatAViewShows) {
   StoredView opaque = view;
   opaque.opaque = true;
   EXPECT_EQ(in_room(opaque, view.camera, room).rgba, view.rgba);
-  StoredView unmasked = view;  // what is beside it nobody knows: its photograph ends there
+  StoredView unmasked = view;  // the area beside it is unknown: its photograph ends there
   unmasked.masked = false;
   EXPECT_EQ(in_room(unmasked, view.camera, room).rgba, view.rgba);
 }
@@ -168,7 +170,7 @@ TEST(Room, RandomOnesAreLargeEnoughAndDifferentAndTheSameForTheSameNumbers) {
   EXPECT_EQ(lights.size(), 200u);
 }
 
-// A reader puts so large a share of the items into rooms, each with all its views; the others stay as they are.
+// The requested share of a reader's items gets a background, each in all its views; the other items are unchanged.
 TEST(Room, ShareOfTheObjects) {
   const TemporaryFolder folder;
   test::write_solids(folder, 1, 10, 16);

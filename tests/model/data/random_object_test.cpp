@@ -1,5 +1,5 @@
-// Random objects: what is cut, bent and coloured is what was asked for, whatever comes out can be trained on, and the
-// same numbers give the same object.
+// Random objects: cuts, bends and colours are as requested, every object is usable for training, and equal numbers give
+// the same object.
 #include "model/data/random_object.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ using Eigen::Vector3d;
 using test::TemporaryFolder;
 
 struct Closedness {
-  Vector3d area = Vector3d::Zero();  // as vectors: 0 where nothing is open
+  Vector3d area = Vector3d::Zero();  // as vectors: the sum is 0 for a closed surface
   double whole = 0, volume = 0;
 };
 Closedness closedness(const Triangles& triangles) {
@@ -60,7 +60,7 @@ TEST(Bodies, AreInsideWhatTheirSurfaceEncloses) {
   }
 }
 
-// A ball of half the size, cut out of the middle of a box's side, leaves the box less half of that ball.
+// A ball of half the size, cut out of the middle of a box's side, reduces the box by half of that ball.
 TEST(Parts, ADifferenceIsClosedAndLessByWhatWasCutOut) {
   const Body box = superellipsoid(0.1, 0.1), ball = superellipsoid(1, 1);
   const double whole = closedness(tessellated(box.surface, 96, 64)).volume;

@@ -1,5 +1,4 @@
-// Reading data sets for training: the same pictures as `reconstruct` makes, the same choice however it is read, bad
-// data.
+// Reading data sets for training: the same pictures as in `reconstruct`, the same choice however it is read, bad data.
 #include "model/data/training_views.h"
 
 #include <fmt/format.h>
@@ -52,7 +51,7 @@ std::vector<float> picture(const TrainingViews& views, std::size_t index, int im
   return {begin, begin + pixels};
 }
 
-// What `reconstruct` feeds the network when it is given the drawn views, against what is read.
+// Compares `reconstruct`'s network input for the drawn views with the reader's output.
 void expect_as_reconstructed(const std::string& folder, const TrainingOptions& options, double tolerance) {
   const TrainingViews read = TrainingReader(open_data_set({folder}), options).at(3, 0);
   Config config = named_config("micro");
@@ -88,7 +87,7 @@ TEST(TrainingReader, GivesWhatReconstructFeedsTheNetwork) {
   options.placement.edge = 1.3;
   options.placement.centre = Vector3d(0.1, 0, -0.1);
   expect_as_reconstructed(folder.string(), options, 0);
-  options.image = 7;  // resampled: the store's 8 bits of colour and of alpha show
+  options.image = 7;  // resampled: the 8-bit rounding of colour and alpha is visible
   options.fit = Fit::object;
   expect_as_reconstructed(folder.string(), options, 1.01 / 255);
 }
@@ -134,7 +133,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
   TrainingReader plain(open_data_set({folder.string()}), options);
   TrainingOptions hurried = options;
   hurried.threads = 3;
-  hurried.cache_bytes = 10 * kSide * kSide * 4;  // far less than there is
+  hurried.cache_bytes = 10 * kSide * kSide * 4;  // far less than the data need
   TrainingReader threaded(open_data_set({folder.string()}), hurried);
   hurried.cache_bytes = 0;
   hurried.ahead = 0;
@@ -150,7 +149,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
       EXPECT_EQ(first.back().cameras.size(), static_cast<std::size_t>(first.back().inputs) + 4);
     }
   EXPECT_EQ(inputs, (std::set<int>{2, 3, 4}));
-  for (const int number : {9, 2, 11, 0, 3})  // out of order, forth and back
+  for (const int number : {9, 2, 11, 0, 3})  // out of order, forwards and backwards
     for (TrainingReader* reader : {&plain, &threaded, &bare})
       EXPECT_TRUE(same(reader->at(number / 2, number % 2), first[static_cast<std::size_t>(number)])) << number;
   options.seed = 5;
@@ -159,7 +158,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
   EXPECT_FALSE(same(first[0], first[6])) << "the next round of the objects has other views";
 }
 
-// Of pictures with alpha: its colours over the background are the pictures. An opaque picture has none.
+// For pictures with alpha, the pictures are the colours over the background. An opaque picture has no alpha.
 TEST(TrainingReader, GivesAlphaWhereItIsAskedFor) {
   const TemporaryFolder folder;
   test::write_solids(folder, 1, 11, kSide);
@@ -197,7 +196,7 @@ TEST(TrainingReader, KeepsWhatItHasDecoded) {
   EXPECT_TRUE(same(reader.at(0, 0), before)) << "all eight views are in every step";
 }
 
-// A photograph that nobody masked does not say what the object is, neither where it is opaque nor where it ends.
+// An unmasked photograph does not mark the object, neither where it is opaque nor where it ends.
 TEST(TrainingReader, TakesTheEndOfAPhotographForNeitherAlphaNorBackground) {
   const TemporaryFolder folder;
   test::write_solids(folder, 1, 9, kSide);
@@ -223,8 +222,8 @@ TEST(TrainingReader, TakesEveryObjectOnceARound) {
                std::equal(order.begin(), order.begin() + 5, order.begin() + 10));
 }
 
-// Procedural objects come between those of the set, whose own order and views are as without them; they are what the
-// command writes with the same numbers; neither threads nor the order in which they are asked for change a bit.
+// Procedural objects are inserted between those of the set, whose order and views do not change; they equal the
+// command's output for the same numbers; neither threads nor the order of requests change a bit.
 TEST(TrainingReader, DrawsProceduralObjectsBetweenThoseOfTheSet) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, 9, kSide);
@@ -254,7 +253,7 @@ TEST(TrainingReader, DrawsProceduralObjectsBetweenThoseOfTheSet) {
 
   const TemporaryFolder written;
   ObjectOptions object;
-  object.views = 40, object.size = kSide, object.seed = options.seed, object.object = 2;  // the first one's number
+  object.views = 40, object.size = kSide, object.seed = options.seed, object.object = 2;  // the number of the first one
   ASSERT_EQ(all[2].object, "procedural 2");
   write_object(written / "object_0002", random_object(options.seed, 2, nullptr), object);
   for (std::size_t i = 0; i < all[2].cameras.size(); ++i) {
@@ -278,7 +277,7 @@ TEST(TrainingReader, NeedsNoSetWhereAllIsProcedural) {
   expect_error(Status::usage, {"0 to 1"}, [&] { TrainingReader(DataSet(), options); });
 }
 
-// A texture that cannot be read is an error, or passed over as other data are.
+// An unreadable texture is an error, or is skipped like other bad data.
 TEST(TrainingReader, NamesTexturesThatCannotBeRead) {
   const TemporaryFolder folder;
   test::put_file(folder / "broken.png", "no picture");
@@ -314,7 +313,8 @@ TEST(TrainingReader, PutsNovelViewsAloneOnTheBackground) {
     }
   }
   EXPECT_EQ(seen, (std::set<float>{0.0f, 0.5f, 1.0f}));
-  for (const auto& entry : fs::directory_iterator(folder / "solid_0/images")) {  // no alpha: no background shows
+  for (const auto& entry : fs::directory_iterator(folder / "solid_0/images")) {  // no alpha: the background is not
+                                                                                 // visible
     const Image rgba = read_image(entry.path().string());
     Image rgb(kSide, kSide, 3, 0.25f);
     for (int i = 0; i < kSide * kSide; ++i) std::copy_n(&rgba.data[4 * i], 3, &rgb.data[3 * i]);
@@ -355,7 +355,7 @@ TEST(TrainingReader, TurnsAndScalesTheFrame) {
   EXPECT_GT(largest, 1.05);
 }
 
-// One damage to solid_1 of three; what the error must say.
+// One damage to solid_1 of three, and the text that the error must contain.
 struct DamagedObject {
   const char* what;
   std::function<void(const std::string& folder)> apply;
@@ -526,7 +526,7 @@ TEST(Shuffled, IsAPermutationThatChangesWithSeedAndRound) {
 }
 
 TEST(DrawViews, TakesOneOfEachGroupAndNoneTwice) {
-  std::vector<Vector3d> positions;  // four heaps of 3
+  std::vector<Vector3d> positions;  // four clusters of 3
   for (const Vector3d& heap : {Vector3d(5, 0, 0), Vector3d(-5, 0, 0), Vector3d(0, 5, 0), Vector3d(0, 0, 5)})
     for (int i = 0; i < 3; ++i) positions.push_back(heap + Vector3d(0.1 * i, 0.05 * i * i, 0));
   std::vector<bool> excluded(12, false);

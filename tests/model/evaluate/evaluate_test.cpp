@@ -21,7 +21,7 @@ using test::TemporaryFolder;
 
 constexpr int kSide = 16, kViews = 11;
 
-// micro, with a confidence head that has an opinion: some voxels selected, some not.
+// micro with an effective confidence head: some voxels are selected, some are not.
 struct Model {
   explicit Model(Context& ctx, const std::vector<std::string>& fields = {})
       : config(with_fields(named_config("micro"), fields)),
@@ -30,7 +30,7 @@ struct Model {
   std::unique_ptr<Network> network;
 };
 
-// PSNR of pictures together, from its definition; of each pixel counts `shown`, the rest of it is white as in b.
+// PSNR of all pictures together, by definition. The share `shown` of each pixel counts; the rest is white as in b.
 double psnr_of(const std::vector<Image>& a, const std::vector<Image>& b, const std::vector<Image>& shown) {
   double sum = 0, count = 0;
   for (std::size_t i = 0; i < a.size(); ++i)
@@ -51,8 +51,8 @@ class EvaluateTest : public test::FlavourTest {
 };
 VSPLAT_FLAVOURS(EvaluateTest);
 
-// The same by the way that `reconstruct` and `render` go: a scene in the user's world, drawn from listed cameras.
-// `judged`: edge of what is compared; 0: the model's. `masked`: whether the pictures have alpha.
+// Computes the same as `reconstruct` and `render` do: a scene in the user's world, drawn from listed cameras. `judged`:
+// edge of the compared pictures; 0: the model's. `masked`: whether the pictures have alpha.
 void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int judged, bool masked = true) {
   const Model model(ctx);
   EvaluateOptions asked;
@@ -76,7 +76,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
       const ListedView& listed = set.views[static_cast<std::size_t>(view)];
       return prepare_view(listed.camera, listed.picture.string(), "", {edge, asked.request.fit});
     };
-    // What a black photograph of the same size covers.
+    // The area that a black photograph of the same size covers.
     const auto shown_of = [&](int view) {
       const Camera& camera = set.views[static_cast<std::size_t>(view)].camera;
       Image out(side, side, 3, 1.0f);
@@ -113,7 +113,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
       nearest.push_back(std::min_element(inputs_judged.begin(), inputs_judged.end(), by_angle)->image);
     }
     ASSERT_GE(truth.size(), 2u);
-    // What is resampled is kept in 8 bits by the evaluation, and in floats here.
+    // The evaluation stores resampled pictures in 8 bits; here they are floats.
     const double within = judged > 0 ? 1e-2 : 1e-4;
     EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth, shown), std::max(within, 1e-3));
     EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth, shown), within);
@@ -130,7 +130,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
 
 TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) { check_against_reconstructing(ctx(), folder_, 0); }
 
-// Where a photograph that nobody masked ends, nothing is compared.
+// Areas beyond the border of an unmasked photograph are not compared.
 TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, kSide);
@@ -138,7 +138,7 @@ TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {
   for (const int judged : {0, 24}) check_against_reconstructing(ctx(), folder, judged, false);
 }
 
-// Photographs larger than the model's pictures: judged as they are, and between the two.
+// Photographs larger than the model's pictures: compared at full size, and at a size in between.
 TEST_P(EvaluateTest, JudgesAtAnotherSize) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, 2 * kSide);
@@ -198,7 +198,7 @@ TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
   EXPECT_EQ(sheet.width, 12 * step + ContactSheet::margin);
   const int down = step + ContactSheet::label_room;
   EXPECT_EQ(sheet.height, 4 * down + ContactSheet::margin);
-  // The first input of the best object, and below it the first novel view as it is.
+  // The first input of the best object, and below it the first novel view unchanged.
   Evaluation numbers = evaluate(ctx(), *model.network, data(), {});
   const auto best = std::max_element(numbers.objects.begin(), numbers.objects.end(),
                                      [](const auto& a, const auto& b) { return a.scores.psnr < b.scores.psnr; });

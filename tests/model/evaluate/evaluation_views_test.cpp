@@ -17,7 +17,7 @@ Eigen::Vector3d at(double degrees, double distance = 2) {
   return {distance * std::cos(a), distance * std::sin(a), 0};
 }
 
-// Four clusters of three, listed in turn: 0 4 8, 1 5 9, 2 6 10, 3 7 11.
+// Four clusters of three, interleaved: 0 4 8, 1 5 9, 2 6 10, 3 7 11.
 Positions clusters() {
   Positions out;
   for (const double shift : {0.0, 9.0, 4.0})
@@ -35,7 +35,7 @@ TEST(EvaluationViews, NovelViewsComeFromFourGroupsWhateverTheInputs) {
   const EvaluationViews one = evaluation_views(clusters(), 1, Protocol::kmeans, 0, "cup");
   EXPECT_EQ(one.inputs, (std::vector<int>{0}));
   EXPECT_EQ(one.novel, (std::vector<int>{8, 9, 10, 11}));
-  // Twelve groups of one: what would be novel is an input.
+  // Twelve groups of one: the novel view would be an input.
   EXPECT_THROW(evaluation_views(clusters(), 12, Protocol::kmeans, 0, "cup"), Error);
 }
 
@@ -70,7 +70,7 @@ TEST(EvaluationViews, RandomOnesAreTenOthers) {
   EXPECT_EQ(evaluation_views(positions, 4, Protocol::random10, 1, "cup").novel, views.novel);
   EXPECT_NE(evaluation_views(positions, 4, Protocol::random10, 2, "cup").novel, views.novel);
   EXPECT_NE(evaluation_views(positions, 4, Protocol::random10, 1, "mug").novel, views.novel);
-  // Every view has its turn.
+  // Every view is used.
   std::set<int> seen;
   for (std::uint64_t seed = 0; seed < 60; ++seed)
     for (const int view : evaluation_views(positions, 4, Protocol::random10, seed, "cup").novel) seen.insert(view);

@@ -5,7 +5,7 @@
 namespace vsplat {
 namespace {
 
-// All grey, of a camera that sees the cube on a square of 20 pixels in its middle.
+// A grey picture of a camera that sees the cube in a central square of 20 pixels.
 FitPicture seen_from(double distance) {
   FitPicture out;
   Camera& c = out.camera;

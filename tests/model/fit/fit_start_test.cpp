@@ -15,7 +15,7 @@ ColoredPoint point(double x, double y, double z, std::array<std::uint8_t, 3> rgb
   return {Eigen::Vector3d(10, -20, 5) + 4 * Eigen::Vector3d(x, y, z), rgb, 0.5, 3};
 }
 
-// Distances by looking at every pair.
+// Distances by comparing all pairs.
 double mean_of_nearest(const std::vector<ColoredPoint>& points, std::size_t i) {
   std::vector<double> all;
   for (std::size_t j = 0; j < points.size(); ++j)

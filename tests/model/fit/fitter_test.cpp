@@ -19,12 +19,12 @@ constexpr float kNear = 0.05f;
 
 std::uint8_t byte_of(double v) { return static_cast<std::uint8_t>(std::lround(std::clamp(v, 0.0, 1.0) * 255)); }
 
-// Parameters on the host, as Fitter has them.
+// Parameters on the host, in Fitter's form.
 struct Parameters {
   std::vector<float> means, log_scales, quats, logits, sh;
 };
 
-// The loss of a step in double, from the definitions of its parts.
+// The loss of a step in double, from the definitions of its terms.
 struct Objective {
   const FitPicture& picture;
   FitOptions options;
@@ -32,7 +32,7 @@ struct Objective {
   bool similar = true;
   ref::Left left;
   Parameters home;
-  std::vector<float> target = {};  // as it was for the parameters that the gradient is at
+  std::vector<float> target = {};  // fixed at the parameters at which the gradient is taken
 
   Gaussians gaussians(const Parameters& x) const {
     Gaussians g;
@@ -47,7 +47,7 @@ struct Objective {
 
   bool known(std::size_t pixel) const { return picture.known.empty() || picture.known[pixel] != 0; }
 
-  // Returns how close the drawn picture comes to where the loss has a kink: to the target, and to black and white.
+  // Returns the distance of the drawn picture from the loss's kinks: from the target, and from black and white.
   double hold(const Parameters& x) {
     const ref::Frame f = ref::render(gaussians(x), picture.camera, drawing);
     double nearest = 1;
@@ -68,7 +68,8 @@ struct Objective {
     const ref::Frame f = ref::render(gaussians(x), picture.camera, drawing);
     double sum = ref::loss(f.colour, target, picture.camera.height, picture.camera.width,
                            static_cast<double>(options.ssim_weight), {true, true, similar})[0];
-    for (std::size_t i = 0; i < f.colour.size(); ++i)  // 0 where nothing is known, not a kink rounded off its place
+    for (std::size_t i = 0; i < f.colour.size(); ++i)  // 0 where nothing is known, instead of a kink with a rounded
+                                                       // position
       if (!known(i / 3))
         sum -= std::abs(f.colour[i] - static_cast<double>(target[i])) / static_cast<double>(f.colour.size());
     const auto pixels = static_cast<double>(f.alpha.size()), count = static_cast<double>(x.logits.size());
@@ -92,8 +93,8 @@ class FitterTest : public test::FlavourTest {
             ctx().read<float>(x.logits), ctx().read<float>(x.sh)};
   }
 
-  // Every Gaussian is wide enough to be over 1/255 in every pixel, faint enough never to be held at 0.99, and few
-  // enough for light to come through: drawing has no threshold near.
+  // Every Gaussian is wide enough to exceed 1/255 in every pixel, faint enough never to be limited to 0.99, and there
+  // are few enough to let light through: no threshold of drawing is near.
   static Gaussians wide_ones() {
     Gaussians g;
     g.count = 5;
@@ -110,7 +111,7 @@ class FitterTest : public test::FlavourTest {
     return g;
   }
 
-  // One that differs from what is drawn of `g` by something in every pixel, over white and over `background`.
+  // A picture that differs from the drawing of `g` in every pixel, over white and over `background`.
   static FitPicture off(const Gaussians& g, const Camera& camera, const ref::Options& drawing,
                         const std::array<double, 3>& background, bool masked) {
     FitPicture out{"", camera, {}, {}, masked};
@@ -135,9 +136,9 @@ class FitterTest : public test::FlavourTest {
     return out;
   }
 
-  // The gradient after so many steps against differences of the objective.
+  // Compares the gradient after this many steps with differences of the objective.
   void check_gradient(FitOptions options, int steps, bool masked, bool with_unknown) {
-    options.high_scale = 2;  // than which none of wide_ones() is wider
+    options.high_scale = 2;  // wider than any of wide_ones()
     const std::array<float, 3> mirror = {0.1f, -0.2f, 0.3f};
     const Camera camera = test::make_camera({"", 0, 0, 13, 11, ""}, 45);
     const Gaussians start = wide_ones();
@@ -202,7 +203,7 @@ class FitterTest : public test::FlavourTest {
       EXPECT_EQ(ctx().read<float>(t), std::vector<float>(static_cast<std::size_t>(t.count()), 0.0f));
   }
 
-  // Of `g`, drawn from about it.
+  // Pictures of `g`, drawn from around it.
   std::vector<FitPicture> pictures_of(const Gaussians& g, int count, int size) {
     std::vector<FitPicture> out;
     for (const Camera& camera : test::orbit(count, size)) {
@@ -236,7 +237,7 @@ class FitterTest : public test::FlavourTest {
     return g;
   }
 
-  // The mean of the squared error over pictures.
+  // The mean squared error over pictures.
   static double error(Fitter& fitter, const std::vector<DeviceFitPicture>& pictures) {
     double sum = 0;
     for (const auto& p : pictures) sum += std::pow(10, -0.1 * fitter.judge(p).psnr);
@@ -266,7 +267,7 @@ TEST_P(FitterTest, GradientMatchesDifferencesAtTheStart) {
   check_gradient(all_terms(), 0, false, true);
 }
 
-// Where the pull has a slope, over another background, with some left out, and without a similarity.
+// With a sloped regulariser, another background, dropped Gaussians, and without the similarity term.
 TEST_P(FitterTest, GradientMatchesDifferencesLaterOn) {
   FitOptions options = all_terms();
   check_gradient(options, 3, true, true);
@@ -289,7 +290,7 @@ TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {
   expect_finite(fitter);
 }
 
-// Bytes of the pictures round off 59 dB.
+// Rounding to bytes limits the result to 59 dB.
 TEST_P(FitterTest, JudgesAScenesOwnPicturesAsThemselves) {
   const Gaussians g = scene(12, 1);
   const auto pictures = uploaded(pictures_of(g, 3, 40));
@@ -373,7 +374,7 @@ TEST_P(FitterTest, OnePictureIsFittedAsItIs) {
   }
 }
 
-// An object that is nowhere: what there is fades, and nothing breaks, relocation and noise included.
+// Empty masks: existing Gaussians fade, and nothing fails, including relocation and noise.
 TEST_P(FitterTest, EmptyMasksLeaveNothingToSee) {
   auto given = pictures_of(scene(12, 1), 2, 24);
   for (FitPicture& p : given) std::fill(p.rgba.begin(), p.rgba.end(), std::uint8_t{0});
@@ -388,7 +389,7 @@ TEST_P(FitterTest, EmptyMasksLeaveNothingToSee) {
   expect_finite(fitter);
 }
 
-// A picture of which nothing is known says nothing.
+// A picture without valid pixels has no effect.
 TEST_P(FitterTest, UnknownPixelsMoveNothing) {
   auto given = pictures_of(scene(12, 1), 1, 24);
   given[0].known.assign(24 * 24, 0);
@@ -416,8 +417,8 @@ TEST_P(FitterTest, AStartWithNoGaussianStaysOne) {
   }
 }
 
-// Scales of 0 and far too large ones, opacities of 0 and 1, behind and within the cameras, at ten times the rates:
-// finite, and within the limits.
+// Scales of 0 and far too large ones, opacities of 0 and 1, Gaussians behind and inside the cameras, at ten times the
+// rates: results stay finite and within the limits.
 TEST_P(FitterTest, IsNeverNan) {
   const auto pictures = uploaded(pictures_of(scene(12, 1), 4, 33));
   Gaussians start = scene(60, 3);
@@ -429,7 +430,7 @@ TEST_P(FitterTest, IsNeverNan) {
   options.grow_every = 10, options.grow_until = 1000, options.max_gaussians = 100, options.noise = 1e4f;
   options.drop = 0.5f, options.steps = 60;
   Fitter fitter(ctx(), start, kNear, {}, options);
-  for (std::size_t i = 0; i < 57; ++i) fitter.step(pictures[i % 4]);  // the last relocation is some steps ago
+  for (std::size_t i = 0; i < 57; ++i) fitter.step(pictures[i % 4]);  // the last relocation was some steps ago
   expect_finite(fitter);
   const Gaussians out = fitter.gaussians();
   EXPECT_GT(out.count, 0U);

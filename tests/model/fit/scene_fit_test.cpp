@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kSize = 48;
 
-// A scene, pictures of it from all around with their alpha, and a start that is a little off.
+// A scene, pictures of it with alpha from all around, and a start that is slightly wrong.
 class SceneFitTest : public ::testing::Test {
  protected:
   static Context& ctx() { return test::context(Flavour::cpu); }
@@ -111,7 +111,7 @@ TEST_F(SceneFitTest, FewViewsAreEachLeftOutAndThenAllFitted) {
   expect_finite(result.scene);
 }
 
-// Dark and light pictures of a grey object: whichever is left out, the others lead away from it.
+// Dark and light pictures of a grey object: whichever is held out, the others lead away from it.
 TEST_F(SceneFitTest, ARoundEndsOnceItsMeasureHasFallenTwice) {
   make(4);
   start_ = truth_;
@@ -147,11 +147,11 @@ TEST_F(SceneFitTest, OfManyViewsEveryEighthIsHeldOut) {
   EXPECT_EQ(result.scene.near, start_.near);
 }
 
-// A start that cannot be bettered comes out to the bit.
+// A start that cannot be improved is returned bit for bit.
 TEST_F(SceneFitTest, TheStartIsReturnedWhereItIsBest) {
   make(3);
   start_ = truth_;
-  for (std::size_t v = 0; v < 3; ++v) {  // what is fitted to is of no help for the others
+  for (std::size_t v = 0; v < 3; ++v) {  // fitting to one does not help the others
     for (float& value : pictures_[v].data) value = v == 0 ? 0.1f : v == 1 ? 0.9f : value;
   }
   FitRequest request;
@@ -181,7 +181,7 @@ TEST_F(SceneFitTest, SameBitsThreeTimesAndAnotherSeedOthers) {
   EXPECT_NE(run(request).scene.gaussians.means, first.scene.gaussians.means);
 }
 
-// Left at any time, it is gone on with from what was last written, to the same bits.
+// Stopped at any time, the fit continues from its last checkpoint with the same bits.
 TEST_F(SceneFitTest, ResumedWithTheSameBits) {
   for (const int views : {3, 12}) {
     SCOPED_TRACE(views);
@@ -262,7 +262,7 @@ TEST_F(SceneFitTest, PicturesOfMoreThanTheCubeAreWarnedOf) {
   EXPECT_EQ(warned(0.3), "");
 }
 
-// What a look takes counts, and so does the step that would come next.
+// The time limit includes measuring and the next step.
 TEST_F(SceneFitTest, TimeEndsItBefore) {
   make(12);
   FitRequest request;
@@ -324,7 +324,7 @@ TEST(Outliers, AreFarBelowTheOthers) {
     for (const double v : psnr) out.push_back({v, 0});
     return out;
   };
-  EXPECT_TRUE(outliers(scores({30, 31, 10, 30})).empty());  // too few to tell
+  EXPECT_TRUE(outliers(scores({30, 31, 10, 30})).empty());  // too few to decide
   EXPECT_EQ(outliers(scores({30, 31, 10, 30, 29})), std::vector<std::size_t>{2});
   EXPECT_EQ(outliers(scores({30, 15, 10, 30, 29, 31})), (std::vector<std::size_t>{2, 1}));
   EXPECT_TRUE(outliers(scores({30, 28, 27, 33, 29})).empty());

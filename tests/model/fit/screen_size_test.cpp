@@ -21,7 +21,7 @@ Camera at_origin() {
   return c;
 }
 
-// Half of them small and far away, the others large and near.
+// Half of the Gaussians are small and distant, the others large and near.
 struct Crowd {
   ScreenGaussians gaussians;
   std::vector<float> log_scales;
@@ -38,7 +38,7 @@ Crowd crowd(int count) {
   return out;
 }
 
-// How many deviations of the largest scale go into a picture.
+// Number of deviations of the largest scale that fit into a picture.
 double widths(const Crowd& c, int k) {
   const float* s = &c.log_scales[static_cast<std::size_t>(3 * k)];
   return 300 * std::exp(std::max({s[0], s[1], s[2]})) / c.gaussians.means[static_cast<std::size_t>(3 * k + 2)] / kSide;
@@ -58,8 +58,8 @@ TEST(ScreenSize, OnlyTheLargestShrinkAndToOneSize) {
     least = std::min(least, widths(after, k));
     most = std::max(most, widths(after, k));
   }
-  EXPECT_LT(most, 1.6 * least);  // beside the axis they reach farther
-  // What touches few enough tiles stays, and so does what no camera sees.
+  EXPECT_LT(most, 1.6 * least);  // off the axis they extend farther
+  // Gaussians that touch few tiles, and those that no camera sees, stay unchanged.
   Crowd same = before;
   shrink_on_screen(before.gaussians, at_origin(), 0.1f, 10'000'000, std::log(1e-5f), same.log_scales);
   EXPECT_EQ(same.log_scales, before.log_scales);
@@ -68,7 +68,8 @@ TEST(ScreenSize, OnlyTheLargestShrinkAndToOneSize) {
   EXPECT_EQ(same.log_scales, before.log_scales) << "all are nearer than the near plane";
 }
 
-// A fit whose Gaussians have swollen before the camera: the step makes them smaller, and the next one is as any other.
+// A fit whose Gaussians have grown too large in front of the camera: the step shrinks them, and the next step is
+// normal.
 TEST(ScreenSize, AStepIsBounded) {
   Context& ctx = test::context(Flavour::cpu);
   const Crowd from = crowd(6000);

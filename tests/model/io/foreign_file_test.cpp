@@ -1,4 +1,4 @@
-// Files of other kinds than the one expected: the message says what they are and what makes something of them.
+// Files of another kind than expected: the message names the kind and how to convert it.
 #include "model/io/foreign_file.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// TIFF, WebP and BMP, and EXIF's orientation in whatever has it.
+// TIFF, WebP and BMP, and EXIF orientation in every format that has it.
 #include <gtest/gtest.h>
 #include <png.h>
 #include <tiffio.h>
@@ -20,7 +20,7 @@ namespace {
 
 using test::TemporaryFolder;
 
-constexpr int w = 21, h = 13;  // no multiple of a strip, a tile or a row's padding
+constexpr int w = 21, h = 13;  // no multiple of a strip, a tile or the row padding
 
 template <class Sample>
 std::vector<Sample> random_samples(int channels, unsigned largest) {
@@ -30,7 +30,7 @@ std::vector<Sample> random_samples(int channels, unsigned largest) {
   return out;
 }
 
-// Each value over `largest`, grey spread over three.
+// Each value divided by `largest`; grey is copied to three channels.
 template <class Sample>
 void expect_samples(const std::string& path, const std::vector<Sample>& samples, int channels, unsigned largest,
                     double tolerance) {
@@ -77,7 +77,7 @@ TEST(TiffIn, ReadsEveryLayout) {
   expect_samples(folder / "deep.tif", deep, 3, 65535, 1.0 / 255);  // as 8 bits
 }
 
-// One strip for all rows: what is unpacked of it fits, but not beside all of its pixels.
+// A single strip with all rows: it fits when unpacked, but not together with all pixels.
 TEST(TiffIn, ALongStripIsReadInParts) {
   constexpr int width = 9, height = 37;
   const TemporaryFolder folder;
@@ -156,7 +156,7 @@ TEST(WebpIn, ReadsStillPictures) {
   for (const int channels : {3, 4}) {
     std::vector<std::uint8_t> samples = random_samples<std::uint8_t>(channels, 255);
     for (std::size_t i = 3; channels == 4 && i < samples.size(); i += 4)
-      samples[i] = static_cast<std::uint8_t>(1 + samples[i] % 255);  // what nobody sees may be thrown away
+      samples[i] = static_cast<std::uint8_t>(1 + samples[i] % 255);  // the encoder may discard invisible colours
     test::write_test_webp(folder / "a.webp", w, h, channels, samples);
     expect_samples(folder / "a.webp", samples, channels, 255, 1e-7);
   }
@@ -185,12 +185,12 @@ TEST(BmpIn, ReadsGreyColourAndAlpha) {
     }
 }
 
-// Where EXIF says that the first row and the first column are: what is stored as 1 2 3 / 4 5 6 is shown as ...
+// The position of the first row and column by EXIF: 1 2 3 / 4 5 6 as stored is displayed as ...
 TEST(Orientation, TurnsAsExifSays) {
   const TemporaryFolder folder;
   const std::vector<float> shown[] = {{1, 2, 3, 4, 5, 6}, {3, 2, 1, 6, 5, 4}, {6, 5, 4, 3, 2, 1}, {4, 5, 6, 1, 2, 3},
                                       {1, 4, 2, 5, 3, 6}, {4, 1, 5, 2, 6, 3}, {6, 3, 5, 2, 4, 1}, {3, 6, 2, 5, 1, 4}};
-  // In 8 bits, in 16, and in as many as a float has.
+  // In 8 bits, in 16 bits, and as float.
   write_test_png(folder / "a.png", 3, 2, {1, 2, 3, 4, 5, 6}, {.colour_type = PNG_COLOR_TYPE_GRAY});
   write_test_png(folder / "b.png", 3, 2, {1, 2, 3, 4, 5, 6}, {.colour_type = PNG_COLOR_TYPE_GRAY, .depth = 16});
   Image values(3, 2, 3);
@@ -228,13 +228,13 @@ TEST(Orientation, IsReadFromEveryFormatThatStatesIt) {
         const ImageInfo info = read_image_info(folder / name);
         EXPECT_EQ(info.orientation, orientation) << name;
         EXPECT_EQ(info.width, w) << name;
-        const Image image = read_image(folder / name);  // as it is stored
+        const Image image = read_image(folder / name);  // as stored
         ASSERT_EQ(image.width, w) << name;
         if (std::string(name) == "a.jpg") continue;
         for (std::size_t i = 0; i < bytes.size(); ++i) ASSERT_NEAR(image.data[i], bytes[i] / 255.0, 1e-7) << name;
       }
     }
-  // A value that is none, and data cut off anywhere, are as none: 1.
+  // An invalid value, and data cut off anywhere, count as none: 1.
   for (const int wrong : {0, 9, 77}) {
     write_jpeg(folder / "a.jpg", colour, 90);
     test::add_exif_to_jpeg(folder / "a.jpg", test::exif_data(wrong));

@@ -1,4 +1,4 @@
-// Pictures row by row: what it takes of the host's memory, and that the largest need little.
+// Pictures row by row: the host memory used, and that the largest pictures need little.
 #include <gtest/gtest.h>
 #include <png.h>
 
@@ -27,7 +27,7 @@ class PictureRows : public testing::Test {
     for (T& v : out) v = static_cast<T>(rng_() % (largest + 1));
     return out;
   }
-  // One file of each kind, those that need the whole picture last.
+  // One file of each kind, last those that need the whole picture.
   std::vector<std::string> files() {
     const auto bytes = noise<std::uint8_t>(3, 255);
     const std::vector<std::uint16_t> samples(bytes.begin(), bytes.end()), wide = noise<std::uint16_t>(4, 65535);
@@ -103,7 +103,7 @@ TEST_F(PictureRows, CutBelowTheWindowAreFoundOut) {
   test::expect_error(Status::format, {"a.png", "cut-off"}, [&] { (void)resample(source, {0, 0, 32, 32}); });
 }
 
-// A photograph beyond what is kept decoded gives the same views, in the memory of some rows.
+// A photograph too large to be cached decoded gives the same views, with only some rows in memory.
 TEST_F(PictureRows, ALargePhotographIsNeverHeldWhole) {
   constexpr int side = 4099;  // 16.8 million pixels
   Image small(side, side, 3);

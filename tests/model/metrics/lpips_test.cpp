@@ -16,7 +16,7 @@ namespace {
 
 using test::TemporaryFolder;
 
-// As numbers() of tests/reference/pytorch/make_lpips.py: [0,1).
+// As numbers() in tests/reference/pytorch/make_lpips.py: [0,1).
 double number(std::uint64_t seed, std::uint64_t i) {
   std::uint64_t z = (seed << 32) + i + 0x9E3779B97F4A7C15u;
   z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
@@ -37,7 +37,7 @@ void add(Tensors& out, const std::string& name, const Shape& shape, std::uint64_
   out[name] = {shape, std::move(values)};
 }
 
-// The same weights as the script's, by torchvision's names; what it would also have, and is not wanted, too.
+// The script's weights under torchvision's names, with extra tensors that are not needed.
 Tensors weights_of(LpipsNet net) {
   struct Conv {
     int index;

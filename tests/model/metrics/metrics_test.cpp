@@ -28,7 +28,7 @@ TEST(Psnr, RefusesOtherSizes) {
   EXPECT_THROW(psnr(Image(), Image()), Error);
 }
 
-// The pictures of a golden file against its inputs: mean over all of them.
+// The pictures of a golden file compared with its inputs: mean over all of them.
 TEST(Metrics, AreThoseOfTheReference) {
   for (const char* name : {"micro", "micro_noise"}) {
     const test::Golden golden = test::Golden::load(name);
@@ -50,7 +50,7 @@ TEST(Metrics, AreThoseOfTheReference) {
   }
 }
 
-// The formula with a window in two dimensions, on noise, in a picture that is not square.
+// The formula with a two-dimensional window, on noise, in a rectangular picture.
 TEST(Ssim, IsTheUsualFormula) {
   const int w = 14, h = 13;
   Image a(w, h, 2), b(w, h, 2);

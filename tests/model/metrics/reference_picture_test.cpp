@@ -44,7 +44,7 @@ TEST(ReferencePicture, KeepsEveryPixelWithoutDistortion) {
   EXPECT_EQ(reference_picture(camera_of(70, 50), {folder / "a.png", ""}, 7, 5, {1, 1, 1}).data, in.data);
 }
 
-// What a lens made of straight bars: undone, the bars are straight again, at half the camera's size as well.
+// Straight bars distorted by a lens: undistortion makes them straight again, also at half the camera's size.
 TEST(ReferencePicture, UndoesDistortion) {
   const test::TemporaryFolder folder;
   const auto scene = [](double x, double y) {
@@ -96,7 +96,8 @@ TEST(ReferencePicture, ScalesLargerOnesDownByArea) {
     }
   Camera bent = camera_of(160, 120);
   bent.distortion = {Distortion::Model::opencv, {-1e-9}};
-  write_png(folder / "flat.png", Image(320, 241, 3, 0.25f));  // 240.5 would be right: a pixel is let pass
+  write_png(folder / "flat.png", Image(320, 241, 3, 0.25f));  // 240.5 would be exact: one pixel of difference is
+                                                              // accepted
   const Image flat = reference_picture(bent, {folder / "flat.png", ""}, 160, 120, {0, 0, 0});
   ASSERT_EQ(flat.height, 120);
   EXPECT_NEAR(flat.at(80, 60)[1], 64 / 255.0, 1e-6);

@@ -1,4 +1,4 @@
-// What a self-test did not come back from is known to the next one.
+// A self-test knows the place where an earlier one crashed.
 #include "model/diagnose/selftest/journal.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ using selftest::Journal;
 
 class SelftestJournal : public ::testing::Test {
  protected:
-  // A process that was ended while it did this.
+  // A process that was killed while it did this.
   void end_in(const std::string& doing, const std::string& kernel) {
     const std::string kept = folder_.path() + "/kept.json";
     {
@@ -44,7 +44,7 @@ TEST_F(SelftestJournal, LeavesNothingWhereAllWasDone) {
   EXPECT_FALSE(std::filesystem::exists(file()));
   {
     Journal journal(own(), "");
-    journal.begins("gemm");  // and stopped by an exception, as on Ctrl-C
+    journal.begins("gemm");  // and left by an exception, as on Ctrl-C
   }
   EXPECT_EQ(Journal(own(), "").ended_by("gemm"), "");
   EXPECT_FALSE(std::filesystem::exists(file()));
@@ -58,7 +58,7 @@ TEST_F(SelftestJournal, BlamesWhatEndedAProcessBeforeSomebodysEyes) {
   EXPECT_EQ(journal.ended_by("something before"), "");
 }
 
-// A process may be killed from outside; twice at the same place is none of chance's.
+// A process may be killed from outside; twice at the same place is no coincidence.
 TEST_F(SelftestJournal, BlamesTheSecondTimeWhereNobodySaw) {
   end_in("gemm", "");
   EXPECT_EQ(Journal(own(), "").ended_by("gemm"), "");

@@ -1,4 +1,4 @@
-// The self-test: that it leaves no kernel out, blames the right ones, and finds nothing on a device that is sound.
+// The self-test covers every kernel, blames the right ones, and finds nothing on a sound device.
 #include "model/diagnose/selftest/selftest.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ using selftest::KernelVerdict;
 
 std::string device_index() { return std::to_string(test::context(Flavour::cpu).device().index); }
 
-// One quick run for the tests that look at it.
+// A quick run, shared by the tests that examine it.
 const selftest::Report& quick_report() {
   static const selftest::Report report = [] {
     selftest::Options options;
@@ -32,7 +32,7 @@ const selftest::Report& quick_report() {
   return report;
 }
 
-// A kernel that somebody adds, and that no case launches, is named here: it wants a case in model/diagnose/selftest/cases/.
+// Fails for a new kernel that no case launches: it needs a case in model/diagnose/selftest/cases/.
 TEST(Selftest, LaunchesEveryKernelOfBothFlavours) {
   ASSERT_EQ(quick_report().flavours.size(), 2u);
   for (const selftest::FlavourResult& flavour : quick_report().flavours) {
@@ -94,7 +94,7 @@ TEST(SelftestBlame, TellsTheWorstResult) {
 class SelftestChecks : public test::FlavourTest {};
 VSPLAT_FLAVOURS(SelftestChecks);
 
-// NaN, another size and other bits the second time are wrong, and so is an error that is thrown.
+// NaN, another size and different bits in the second run are wrong, and so is a thrown error.
 TEST_P(SelftestChecks, FindWhatIsWrong) {
   const auto one = [&](const std::function<void(selftest::Checks&)>& work) {
     const auto own = test::open_context(GetParam());
@@ -118,7 +118,7 @@ TEST_P(SelftestChecks, FindWhatIsWrong) {
   EXPECT_EQ(thrown.trouble, "it broke");
 }
 
-// What passes, a lack of memory or of a disk, is no fault of the device's: the self-test ends with it.
+// Temporary conditions, such as a lack of memory or disk space, are no fault of the device: they end the self-test.
 TEST(SelftestErrors, ThatTellNothingOfTheDeviceEndIt) {
   const auto own = test::open_context(Flavour::cpu);
   selftest::Checks c(*own, true);
@@ -145,26 +145,26 @@ selftest::Report report_of(const std::vector<selftest::Case>& cases) {
   return selftest::run(device_index(), options);
 }
 
-// What runs in place of what is wrong is tested before it is relied on, in both flavours.
+// The replacement of a wrong kernel is tested before it is used, in both flavours.
 TEST(SelftestErrors, WhatIsLeftOnIsRightToo) {
   const selftest::Case wrong_of_gpu = {
       "wrong", [](selftest::Checks& c) { c.that("w", in(c, Flavour::cpu) || without_winograd(c)); }};
   selftest::Report report = report_of({wrong_of_gpu});
   EXPECT_EQ(report.verdict.fitness, Fitness::degraded);
   EXPECT_EQ(in_words(report.verdict.off), "Winograd's convolutions");
-  // The direct sum, then, is wrong on the cpu kernels, which were right with Winograd's.
+  // Now the direct sum is wrong on the cpu kernels, which were right with Winograd's method.
   report = report_of(
       {wrong_of_gpu, {"other", [](selftest::Checks& c) { c.that("o", in(c, Flavour::gpu) || !without_winograd(c)); }}});
   EXPECT_EQ(in_words(report.verdict.off), "cpu kernels, Winograd's convolutions");
   EXPECT_EQ(report.flavours[0].wrong.size(), 1u);
-  // On the same ones: then nothing is left of them.
+  // Wrong on the same kernels: then none of them is left.
   report = report_of(
       {wrong_of_gpu, {"other", [](selftest::Checks& c) { c.that("o", in(c, Flavour::cpu) || !without_winograd(c)); }}});
   EXPECT_EQ(in_words(report.verdict.off), "gpu kernels");
   EXPECT_EQ(report.verdict.fitness, Fitness::degraded);
 }
 
-// Self-tests of these cases alone, with a table that the environment names.
+// Runs self-tests of these cases only, with a table named by the environment.
 TEST(SelftestErrors, ATableIsTriedWithItsOwnFlavour) {
   const test::TemporaryFolder folder;
   for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
@@ -183,7 +183,7 @@ TEST(SelftestErrors, ATableIsTriedWithItsOwnFlavour) {
   }
 }
 
-// What the library carries of the network's stages is what PyTorch has made.
+// The library's embedded results of the network's stages are PyTorch's.
 TEST(SelftestStages, AreThoseOfTheGoldenVectors) {
   const SafetensorsFile file("stages", selftest::stages_file());
   const test::Golden golden = test::Golden::load("micro");

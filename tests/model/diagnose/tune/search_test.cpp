@@ -1,4 +1,4 @@
-// Whatever set of parameters a search may choose: what is computed with it is right.
+// Every parameter set that a search may choose computes correct results.
 #include "model/diagnose/tune/search.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ using test::context;
 class TunedSets : public ::testing::TestWithParam<const TunedDeclaration*> {};
 class EveryTunedSet : public TunedSets {};
 
-// What is tried beside an odd shape: of a few tiles, with tails.
+// Shapes tried besides an odd one: a few tiles, with remainders.
 std::vector<TunedShape> shapes_of(TunedOp op) {
   switch (op) {
     case TunedOp::gemm:
@@ -52,7 +52,8 @@ void expect_right(const TunedDeclaration& of, const std::vector<TunedValues>& se
       EXPECT_LE(error_of(context(of.flavour), shape, values), 1) << text_of(of, shape) << ", " << text_of(values);
 }
 
-// As few sets as have each value of each parameter; which of them are together is the declaration's order.
+// The smallest number of sets that contain each value of each parameter; the declaration's order determines the
+// combinations.
 std::vector<TunedValues> sets_with_each_value(const TunedDeclaration& of) {
   std::size_t most = 0;
   for (const TunedParameter& p : of.parameters) most = std::max(most, p.values.size());
@@ -87,7 +88,7 @@ TEST(WorstError, OneThatIsNoNumberIsNotForgotten) {
   EXPECT_TRUE(std::isinf(worst.of_largest()));
 }
 
-// The error, where the last element of an output, which every sample has, is another.
+// The error if the last element of an output, which every sample includes, is changed.
 double error_with_last(Context& ctx, TuneCase& of, const Tensor& out, float last) {
   std::vector<unsigned char> bytes(out.bytes());
   ctx.read(out, bytes.data());
@@ -102,7 +103,7 @@ double error_with_last(Context& ctx, TuneCase& of, const Tensor& out, float last
   return error;
 }
 
-// The check would find an error: of the same numbers with one that is off, one that is none, and none at all.
+// The check detects errors: one wrong number, one NaN, and no output at all.
 TEST(TuneCase, FindsWhatIsWrong) {
   for (const TunedDeclaration& of : tuned_declarations()) {
     Context& ctx = context(of.flavour);
@@ -121,7 +122,7 @@ TEST(TuneCase, FindsWhatIsWrong) {
   }
 }
 
-// A choice that is wrong on this driver is told and taken out of the table; the rest stays.
+// A choice that is wrong on this driver is reported and removed from the table; the rest stays.
 TEST(CheckChosen, TellsAndRefuses) {
   const test::TemporaryFolder folder;
   ::setenv("VSPLAT_CACHE_DIR", folder.path("cache").c_str(), 1);
@@ -155,7 +156,7 @@ TEST(CheckChosen, TellsAndRefuses) {
   ::unsetenv("VSPLAT_CACHE_DIR");
 }
 
-// A lack of memory says nothing of what a table chooses.
+// A lack of memory says nothing about a table's choices.
 TEST(CheckChosen, NeedsRoom) {
   ContextOptions little;
   little.max_memory_gib = 1e-5;

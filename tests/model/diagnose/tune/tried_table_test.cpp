@@ -1,4 +1,4 @@
-// A search's table: what is in its file at which moment.
+// A search's table: the content of its file at each moment.
 #include "model/diagnose/tune/tried_table.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace {
 
 using tuning::TriedTable;
 
-// With a cache of its own; an operation of three sets that take little time.
+// Uses its own cache, and an operation with three sets that take little time.
 class SearchTable : public ::testing::Test {
  protected:
   void SetUp() override { ::setenv("VSPLAT_CACHE_DIR", folder_.path("cache").c_str(), 1); }
@@ -56,7 +56,7 @@ class SearchTable : public ::testing::Test {
     out.shapes[shape()] = {shape(), 1};
     return out;
   }
-  // The status that it ends with.
+  // The status that the search ends with.
   static Status status_of(Context& ctx, const TuneRequest& request) {
     try {
       tune(ctx, request);
@@ -106,7 +106,7 @@ TEST_F(SearchTable, WhatIsTriedAgainIsNotLostBeforeAnotherHasWon) {
   EXPECT_EQ(verdict(set(64)), "default");
   EXPECT_EQ(verdict(set(32)), "none");
   EXPECT_EQ(read().trials.front().shape, another());
-  // And is told, though it was not timed.
+  // And it is reported, although it was not timed.
   asked.seconds = 1e-9;
   const TuneResult result = tune(ctx(), asked);
   EXPECT_EQ(result.left, 3);
@@ -156,7 +156,7 @@ TEST_F(SearchTable, AChoiceThatEndsTheProcessIsTakenOut) {
   EXPECT_EQ(read().choice.hash(), "");
 }
 
-// For want of memory nothing is known of a set, and nothing is wrong.
+// A lack of memory is no result: the set is neither right nor wrong.
 TEST_F(SearchTable, WantOfMemoryIsNoVerdict) {
   ContextOptions little;
   little.max_memory_gib = 1e-4;

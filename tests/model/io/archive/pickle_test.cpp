@@ -11,7 +11,7 @@ Pickle read_text(const std::string& text) {
   return read("x", {reinterpret_cast<const unsigned char*>(text.data()), text.size()});
 }
 
-// Bytes that may hold zeros.
+// Bytes that may contain zeros.
 template <std::size_t size>
 std::string bytes(const char (&text)[size]) {
   return {text, size - 1};
@@ -27,7 +27,7 @@ std::string refusal(const std::string& text) {
   }
 }
 
-// A tensor of 2 x 3 floats in a storage of `count` from `offset` on.
+// A tensor of 2 x 3 floats in a storage of `count` elements, from `offset` on.
 std::string tensor(char count, char offset) {
   return bytes(
              "ctorch._utils\n_rebuild_tensor_v2\n((X\7\0\0\0storagectorch\nFloatStorage\nX\1\0\0\0"
@@ -39,7 +39,7 @@ std::string tensor(char count, char offset) {
 }
 
 TEST(Pickle, Values) {
-  const std::string read =  // of which the values' texts are parts
+  const std::string read =  // the values' texts point into it
       bytes("\x80\2(NK\7M\1\2J\xff\xff\xff\xff\x8a\2\0\x80\x8a\0G\0\0\0\0\0\0\0\0\x88\x89X\2\0\0\0abtq\1.");
   const Pickle p = read_text(read);
   const Value& root = p.at(p.root);

@@ -8,7 +8,7 @@
 namespace vsplat {
 namespace {
 
-// As the fuzzers' seeds were made by PyTorch.
+// A file that PyTorch made as a fuzzer seed.
 std::string seed(const char* name) { return std::string(VSPLAT_TORCH_FILES) + "/" + name; }
 
 std::string refusal(const std::string& path) {
@@ -58,7 +58,7 @@ TEST(TorchFile, DamageToAnArrayIsFound) {
   EXPECT_EQ(refusal(seed("torch.pth")), "accepted");
 }
 
-// A checkpoint whose data.pkl has one text in place of another of the same length, the archive's checksums with it.
+// A checkpoint with one text in data.pkl replaced by another of the same length, and corrected checksums.
 std::string renamed(const std::string& bytes, const std::string& from, const std::string& to) {
   std::string out = bytes;
   const auto number = [&](std::size_t at, std::size_t size) {

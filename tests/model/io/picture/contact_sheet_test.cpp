@@ -55,7 +55,7 @@ TEST(ContactSheet, CentresSmallerPicturesAndEnlargesNone) {
   const Image out = sheet.sheet();
   EXPECT_EQ(out.width, 2 * 101 + 3 * margin);
   EXPECT_EQ(out.height, 61 + 2 * margin);
-  // The middle of the second cell; as much paper to its left as to its right, and above as below.
+  // The second cell is centred: equal margins at left and right, above and below.
   const int left = 2 * margin + 101 + (101 - 5) / 2, top = margin + (61 - 3) / 2;
   for (int y = 0; y < out.height; ++y)
     for (int x = 0; x < out.width; ++x) {
@@ -66,7 +66,8 @@ TEST(ContactSheet, CentresSmallerPicturesAndEnlargesNone) {
     }
 }
 
-// Room for labels is there where one is, below every picture; the text is dark on the paper, and inside its cell.
+// If any picture has a label, there is space for one below every picture; the text is dark on the background and inside
+// its cell.
 TEST(ContactSheet, LabelsStandBelowThePictures) {
   SheetOptions options;
   options.columns = 2;
@@ -97,7 +98,7 @@ TEST(Text, IsCutAndStaysInThePicture) {
   EXPECT_EQ(fitted_text("0123456", 5), "");
   Image picture(30, 10, 3, 1.0f);
   draw_text(picture, 0, 0, "L", 0);
-  for (int y = 0; y < 7; ++y) EXPECT_EQ(picture.at(0, y + 1)[2], 0.0f) << y;  // its stroke on the left
+  for (int y = 0; y < 7; ++y) EXPECT_EQ(picture.at(0, y + 1)[2], 0.0f) << y;  // the stroke on its left
   EXPECT_EQ(picture.at(1, 1)[0], 1.0f);
   EXPECT_EQ(picture.at(4, 7)[0], 0.0f);  // and the one below
   const Image before = picture;

@@ -141,7 +141,7 @@ TEST(PictureHeaders, MayBeLong) {
   const TemporaryFolder folder;
   write_jpeg(folder / "a.jpg", Image(5, 3, 3), 90);
   const std::vector<unsigned char> bytes = read_file(folder / "a.jpg");
-  std::vector<unsigned char> tags;  // what cameras write: thumbnails, colour profiles
+  std::vector<unsigned char> tags;  // as cameras write them: thumbnails, colour profiles
   for (int i = 0; i < 20; ++i) {
     tags.insert(tags.end(), {0xff, 0xe1, 0xff, 0xff});
     tags.resize(tags.size() + 0xffff - 2, 7);
@@ -195,7 +195,7 @@ TEST(PngOut, RoundsAndClampsAndReadsBack) {
   for (int i = 0; i < 15; ++i) grey.data[i] = static_cast<float>(i * 17) / 255.0f;
   write_png(folder / "g.png", grey);
   EXPECT_EQ(read_mask(folder / "g.png").data, grey.data);
-  // What is written twice is the same file.
+  // Writing twice gives the same file.
   write_png(folder / "h.png", grey);
   EXPECT_EQ(read_file(folder / "g.png"), read_file(folder / "h.png"));
 }
@@ -250,7 +250,7 @@ TEST(JpegOut, IsReadBackNearlyTheSame) {
   Image in(37, 21, 3);
   const std::vector<std::uint8_t> samples = smooth_samples(37, 21, 3);
   for (std::size_t i = 0; i < samples.size(); ++i) in.data[i] = samples[i] / 255.0f;
-  in.at(5, 7)[0] = 1, in.at(5, 7)[1] = in.at(5, 7)[2] = 0;  // a red dot, which half the resolution would smear
+  in.at(5, 7)[0] = 1, in.at(5, 7)[1] = in.at(5, 7)[2] = 0;  // a red dot, which half the chroma resolution would smear
   std::size_t before = 0;
   for (const int quality : {30, 90, 100}) {
     write_jpeg(folder / "a.jpg", in, quality);
@@ -294,7 +294,7 @@ TEST(ExrIn, DividesByAlphaAndEncodes) {
         ASSERT_EQ(image.channels, 4);
         ASSERT_EQ(image.width, w);
         ASSERT_EQ(image.height, h);
-        const double tolerance = half ? 3e-3 : 2e-6;  // half: 2^-11 of colour and alpha, steepened by the curve
+        const double tolerance = half ? 3e-3 : 2e-6;  // half: 2^-11 of colour and alpha, amplified by the curve
         for (int i = 0; i < w * h; ++i) {
           const double a = planes[3][i];
           ASSERT_NEAR(image.data[i * 4 + 3], a, tolerance);
@@ -385,7 +385,8 @@ TEST(BadPictures, AreNamed) {
   expect_error(Status::format, folder / "text.png", "PNG, JPEG, EXR, TIFF, WebP or BMP");
 }
 
-// Sizes no file of this length can hold, and sizes beyond the limit: refused by the header, before memory is taken.
+// Sizes that a file of this length cannot hold, and sizes beyond the limit, are refused by the header before memory is
+// allocated.
 TEST(BadPictures, AbsurdSizesAreRefused) {
   const TemporaryFolder folder;
   write_test_png(folder / "a.png", 1, 1, {1}, {.colour_type = PNG_COLOR_TYPE_GRAY});
@@ -416,7 +417,7 @@ TEST(BadPictures, AbsurdSizesAreRefused) {
   expect_error(Status::format, folder / "d.png", "");
 }
 
-// Small files of every kind, with enough in them to have several chunks, tables and blocks.
+// Small files of every kind, with enough content for several chunks, tables and blocks.
 std::vector<std::string> specimens(const TemporaryFolder& folder) {
   const int w = 24, h = 17;
   std::vector<std::vector<float>> planes(4, std::vector<float>(w * h));

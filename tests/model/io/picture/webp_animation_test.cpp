@@ -69,7 +69,7 @@ TEST(WebpAnimation, HoldsThePicturesInOrder) {
     const Decoded got = decode(animation.bytes());
     EXPECT_EQ(got.info.canvas_width, 33U);
     EXPECT_EQ(got.info.canvas_height, 20U);
-    EXPECT_EQ(got.info.loop_count, 0U);  // for ever
+    EXPECT_EQ(got.info.loop_count, 0U);  // endless
     ASSERT_EQ(got.frames.size(), 7U);
     for (int i = 0; i < 7; ++i) {
       const Errors own = errors_of(got.frames[i], frame(i)), others = errors_of(got.frames[i], frame((i + 1) % 7));

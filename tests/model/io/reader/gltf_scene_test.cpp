@@ -1,4 +1,4 @@
-// The scene of glTF files: nodes, skins, morph targets, instances, and materials beside the base colour.
+// The scene of glTF files: nodes, skins, morph targets, instances, and materials beyond the base colour.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ class GltfScene : public ::testing::Test {
   std::string path() const { return folder_ / "a.glb"; }
   std::string paint() const { return folder_ / "paint.png"; }
   GltfWriter box() const { return GltfWriter::box(shape_, paint()); }
-  // The box and a second one beside it, moved, so that its place shows in the picture.
+  // The box and a second, moved one, whose position is visible in the picture.
   GltfWriter two(const BoxShape& first) const {
     GltfWriter out = GltfWriter::box(first, paint());
     out.json["meshes"].push_back({{"primitives", {GltfWriter::box(shape_, paint()).primitive()}}});
@@ -61,7 +61,7 @@ class GltfScene : public ::testing::Test {
   BoxShape shape_;
 };
 
-// Each vertex on joint 0 alone.
+// Attaches each vertex to joint 0 only.
 void hang(GltfWriter& writer, std::size_t vertices) {
   std::vector<std::uint8_t> joints(4 * vertices);
   std::vector<float> weights(4 * vertices);
@@ -129,7 +129,7 @@ TEST_F(GltfScene, OtherMaterials) {
       {"diffuseTexture", {{"index", 0}}}};
   expect_same(glossy, box(), "the diffuse texture");
 
-  // Light of its own: what is black else shows as bright as it is, on every side.
+  // Emission: a black surface appears with its emitted brightness, on every side.
   const auto brightness = [&](const GltfWriter& writer) {
     float most = 0;
     for (const Image& image : drawn(writer))

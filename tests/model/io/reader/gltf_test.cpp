@@ -1,5 +1,5 @@
-// What glTF files show: whatever an exporter may do to a box, the pictures stay those of the plain box, or it is
-// refused by name.
+// glTF files: whatever an exporter does to a box, the pictures equal those of the plain box, or the file is refused by
+// name.
 #include <draco/compression/encode.h>
 #include <draco/mesh/triangle_soup_mesh_builder.h>
 #include <fmt/format.h>
@@ -32,7 +32,7 @@ using test::put_file;
 class Gltf : public ::testing::Test {
  protected:
   Gltf() {
-    // Nothing in it is symmetric, and its edges differ.
+    // Asymmetric, with different edges.
     Image picture(48, 32, 3);
     for (int y = 0; y < 32; ++y)
       for (int x = 0; x < 48; ++x) {
@@ -52,7 +52,7 @@ class Gltf : public ::testing::Test {
   void expect_plain(const GltfWriter& writer, const std::string& what) const {
     EXPECT_GE(test::psnr(drawn(writer), drawn(box())), 50) << what;
   }
-  // As a refusal that holds these words.
+  // Expects a refusal whose message contains these words.
   void expect_refused(GltfWriter writer, const std::vector<std::string>& words, Status status = Status::format) const {
     writer.write_glb(path());
     std::vector<std::string> all = words;
@@ -89,7 +89,7 @@ TEST_F(Gltf, NormalisedAndQuantisedNumbers) {
   b.attributes()["TEXCOORD_0"] = b.packed(quantised<std::uint8_t>(shape_.uv, 255), 2, 5121, "VEC2", true);
   b.attributes()["NORMAL"] = b.packed(quantised<std::int8_t>(shape_.normals, 127), 3, 5120, "VEC3", true);
   expect_plain(b, "of 8 bits, and normals");
-  // Scaled back by the node, as quantising programs write it; -32768 stands beside -32767 as -1.
+  // Scaled back by the node, as quantising programs write it; -32768 counts like -32767 as -1.
   GltfWriter c = box();
   c.attributes()["POSITION"] = c.packed(quantised<std::int16_t>(shape_.positions, 2 * 32767), 3, 5122, "VEC3", true);
   c.json["nodes"][0]["scale"] = {0.5, 0.5, 0.5};
@@ -101,7 +101,7 @@ TEST_F(Gltf, NormalisedAndQuantisedNumbers) {
   expect_plain(d, "positions as whole numbers");
 }
 
-// u, v of the file -> those that the transform makes the plain ones of.
+// The texture coordinates that the transform maps to those given.
 std::vector<float> undone(const std::vector<float>& uv, const Eigen::Vector2d& offset, double angle,
                           const Eigen::Vector2d& scale) {
   std::vector<float> out;
@@ -150,7 +150,7 @@ TEST_F(Gltf, OtherTextureCoordinates) {
   expect_refused(none, {"texture coordinates"}, Status::input);
 }
 
-// Against the picture laid out three by three as the sampler says, and coordinates within it.
+// Compares with the picture laid out three by three according to the sampler, with coordinates inside it.
 TEST_F(Gltf, SamplersWrap) {
   const std::vector<float> far = undone(shape_.uv, {1.0 / 3, 1.0 / 3}, 0, {1.0 / 3, 1.0 / 3});  // -1 to 2
   const std::tuple<int, int, bool> modes[] = {{33071, 33648, false}, {33648, 10497, false}, {10497, 33071, true}};
@@ -170,7 +170,7 @@ TEST_F(Gltf, SamplersWrap) {
     wrapped.attributes()["TEXCOORD_0"] = wrapped.floats(far, 2);
     wrapped.json["samplers"] = {{{"wrapS", u}, {"wrapT", v}}};
     wrapped.json["textures"][0]["sampler"] = 0;
-    // Beyond the nine: a mirror begins with the texel that it ends with, as what is clamped does.
+    // Beyond the nine tiles: a mirror begins with the texel that it ends with, as clamping does.
     const auto outside = [](int mode) { return mode == 10497 ? 10497 : 33071; };
     clean.json["samplers"] = {{{"wrapS", outside(u)}, {"wrapT", outside(v)}}};
     clean.json["textures"][0]["sampler"] = 0;
@@ -209,7 +209,7 @@ TEST_F(Gltf, WebpTextures) {
   EXPECT_EQ(load_mesh(path()).triangles(), 12u) << "of what is not drawn nothing is asked";
 }
 
-// A buffer view that meshoptimizer packed, in place of the one that an accessor has.
+// A buffer view packed by meshoptimizer, which replaces the accessor's view.
 void pack(GltfWriter& writer, int accessor, const std::string& mode, std::size_t stride, std::size_t count,
           const std::vector<unsigned char>& packed) {
   const int view = writer.view(packed);

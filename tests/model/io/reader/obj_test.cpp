@@ -1,4 +1,4 @@
-// OBJ, MTL and PLY meshes as programs write them: what assimp passes over, and polygons that are not convex.
+// OBJ, MTL and PLY meshes as programs write them: features that assimp ignores, and concave polygons.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ class Obj : public ::testing::Test {
   }
   std::string path(const std::string& name = "a.obj") const { return folder_ / name; }
 
-  // The box, its texture coordinates u, v as scale x (u, v) + offset.
+  // The box with texture coordinates scale x (u, v) + offset.
   static std::string box(const std::string& head, float scale_u = 1, float scale_v = 1, float du = 0, float dv = 0) {
     const test::BoxShape shape;
     std::string out = head;
@@ -86,7 +86,7 @@ TEST_F(Obj, OptionsOfTextures) {
   moved("-s 0.5", 0.5f, 1, 0, 0);
   moved("-o 0.25 0.5 0", 1, 1, 0.25f, 0.5f);
   moved("-o .25 -s 2 2 2", 2, 2, 0.25f, 0);
-  // Clamped: beyond its edges the picture's last texels go on.
+  // Clamped: the border texels continue beyond the edges.
   const std::vector<Image> clamped = drawn("newmtl m\nmap_Kd -clamp on tex.png\n", box("mtllib a.mtl\n", 9, 9, 3, 3));
   const std::vector<Image> corner =
       drawn("newmtl m\nmap_Kd tex.png\n", box("mtllib a.mtl\n", 0, 0, 23.5f / 24, 15.5f / 16));
@@ -214,7 +214,7 @@ TEST_F(Obj, ColoursOfVertices) {
   EXPECT_GE(test::psnr(test::drawn(path("b.ply")), ply), 50) << "of 0 to 255 in a PLY file";
 }
 
-// A prism over a polygon that is not convex, its ends as one face each or as triangles known to be right.
+// A prism over a concave polygon, its ends as one face each or as known correct triangles.
 TEST_F(Obj, ConcaveFaces) {
   const float x[] = {1, 1, 0, 0, -1, -1}, y[] = {-1, 0, 0, 1, 1, -1};  // an L
   const char* triangles[] = {"0 1 2", "0 2 5", "2 3 5", "3 4 5"};
@@ -258,7 +258,8 @@ TEST_F(Obj, ConcaveFaces) {
 
 using Corners = std::vector<std::array<float, 3>>;
 
-// Of the polygon by its corners, and of its triangles one by one: where they differ, some overlap.
+// Compares the polygon's area from its corners with the sum over its triangles: a difference means that triangles
+// overlap.
 void expect_covered(const Corners& corners, const std::string& what) {
   const auto cross = [&](std::size_t a, std::size_t b, std::size_t c) {
     std::array<double, 3> u{}, v{};
@@ -286,7 +287,7 @@ TEST(Triangulate, CoversPolygonsAndNothingElse) {
   std::uniform_real_distribution<float> unit(0, 1);
   for (int n = 3; n < 60; ++n)
     for (int plane = 0; plane < 4; ++plane) {
-      Corners star;  // any simple polygon that one sees from its middle
+      Corners star;  // any simple polygon that is star-shaped about its centre
       for (int i = 0; i < n; ++i) {
         const float angle = 6.2831853f * (static_cast<float>(i) + 0.8f * unit(random)) / static_cast<float>(n);
         const float r = 0.1f + unit(random), x = r * std::cos(angle), y = r * std::sin(angle);
@@ -305,7 +306,7 @@ TEST(Triangulate, CoversPolygonsAndNothingElse) {
     spiral.push_back({(1.2f + 0.01f * static_cast<float>(i)) * std::cos(0.1f * static_cast<float>(i)),
                       (1.2f + 0.01f * static_cast<float>(i)) * std::sin(0.1f * static_cast<float>(i)), 0});
   expect_covered(spiral, "a spiral");
-  Corners comb;  // with corners in line
+  Corners comb;  // with collinear corners
   for (int i = 0; i < 40; ++i) comb.push_back({static_cast<float>(i), i % 2 == 0 ? 0.0f : 5.0f, 0});
   for (int i = 39; i >= 0; --i) comb.push_back({static_cast<float>(i), -1, 0});
   expect_covered(comb, "a comb");

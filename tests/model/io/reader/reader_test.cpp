@@ -1,4 +1,4 @@
-// The reader's process: what it may not do, and what its end, its silence and its nonsense become.
+// The reader's process: its restrictions, and the results of a crash, silence or invalid messages.
 #include "model/io/reader/reader.h"
 
 #include <fmt/format.h>
@@ -46,7 +46,7 @@ void expect_error(Status status, const std::vector<std::string>& words, const st
 
 constexpr const char* triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-// While this lives, another program is the reader, or what `speak` says comes from it.
+// While this lives, another program replaces the reader, or the messages of `speak` do.
 class Instead {
  public:
   explicit Instead(const std::string& program) : program_(VSPLAT_READER) { set_reader_program(program); }
@@ -69,14 +69,14 @@ class Instead {
   Instead(const Instead&) = delete;
   Instead& operator=(const Instead&) = delete;
 
-  static inline int end = -1;  // of the socket, the reader's
+  static inline int end = -1;  // the reader's end of the socket
 
  private:
   std::string program_;
   std::unique_ptr<Channel> other_;
 };
 
-// One that begins as the reader does, and then does something else.
+// A program that starts like the reader and then does something else.
 std::string script(const TemporaryFolder& folder, const std::string& body,
                    const std::string& version = read::version()) {
   const std::string path = folder / "reader.sh";
@@ -129,7 +129,7 @@ TEST(Reader, SaysItsPlaceInTheFile) {
   EXPECT_EQ(file.shape("x"), std::vector<long>{2}) << "and goes on";
 }
 
-// Filters that this HDF5 has no code of: here one that turns bits about, by the number of h5py's LZF.
+// Filters that this HDF5 cannot decode: here one that permutes bits, under the number of h5py's LZF.
 TEST(Reader, NamesCompressionThatIsNotRead) {
   const H5Z_class2_t turn = {
       H5Z_CLASS_T_VERS,
@@ -245,11 +245,11 @@ TEST(Reader, NeedsTooMuchMemory) {
   expect_error(Status::format, {folder / "a.obj", "memory"}, [&] { load_mesh(folder / "a.obj"); });
 }
 
-// What a mesh's reader might say, from the materials on.
+// The reader's messages about a mesh, from the materials on.
 struct Words {
   std::uint32_t material = 0, materials = 1;
   MeshCorner corner = {{1, 2, 3}};
-  std::size_t corners = 3, cut = 0;  // bytes of the last corner that are not there
+  std::size_t corners = 3, cut = 0;  // missing bytes of the last corner
   bool part = true;
 
   void say(Channel& to) const {
@@ -341,7 +341,7 @@ TEST(ReaderMeshFile, IsOfAFormatThatIsPromised) {
     put_file(folder / name, triangle);
     expect_error(Status::input, {folder / name, ".obj, .ply, .stl, .gltf and .glb"}, [&] { load_mesh(folder / name); });
   }
-  put_file(folder / "a.ply", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");  // its beginning would tell what it is
+  put_file(folder / "a.ply", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");  // the content would reveal its kind
   expect_error(Status::format, {folder / "a.ply", "cannot be read"}, [&] { load_mesh(folder / "a.ply"); });
   put_file(folder / "A.OBJ", triangle);
   EXPECT_EQ(load_mesh(folder / "A.OBJ").triangles(), 1u);

@@ -1,4 +1,4 @@
-// What programs write as 3DGS PLY beside the standard: read as it is meant, or said.
+// Non-standard 3DGS PLY files of other programs: read as intended, or reported.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -152,7 +152,7 @@ TEST_F(PlyKinds, ListsBeforeTheGaussians) {
     EXPECT_NEAR(read(head(0) + body).means[1], 0.5, 1e-6) << "an empty element";
     EXPECT_NEAR(read(head(300) + lists + body).means[1], 0.5, 1e-6);
     test::expect_error(Status::format, {path(), "face", "cut off"}, [&] { read(head(300) + lists.substr(0, 5000)); });
-    // One face more takes the Gaussian for its own.
+    // One more face count makes the list consume the Gaussian.
     test::expect_error(Status::format, {path(), "cut off"}, [&] { read(head(301) + lists + body); });
   }
   std::string text = ascii(gaussian_names, {row});
@@ -177,7 +177,7 @@ TEST_F(PlyKinds, ActivatedValuesAreToldOf) {
   ASSERT_EQ(warnings_.all.size(), 1u);
   EXPECT_NE(warnings_.text().find("logarithm"), std::string::npos);
   warnings_.all.clear();
-  Rows wide = scales;  // in millimetres a Gaussian is larger than 1
+  Rows wide = scales;  // in millimetres, a Gaussian is larger than 1
   for (auto& row : wide)
     for (std::size_t c = 0; c < 3; ++c) row[c] *= 1000;
   read(ascii(gaussian_names, wide));

@@ -25,7 +25,7 @@ class PlySurfels : public ::testing::Test {
     const auto data = read_file(path());
     return {data.begin(), data.end()};
   }
-  // The message of the error that reading these bytes gives; "" where there is none.
+  // The error message for these bytes; "" if there is none.
   std::string complaint(const std::string& content) const {
     put(content);
     try {
@@ -57,7 +57,7 @@ Gaussians make_surfels(std::size_t count) {
   return g;
 }
 
-// A surfel has two scales, and its file no third: that is how others' programs know one.
+// A surfel has two scales and its file no third one, by which other programs identify surfels.
 TEST_F(PlySurfels, SurfelsAreWrittenWithTwoScales) {
   Scene scene;
   Gaussians& g = scene.gaussians;
@@ -112,7 +112,7 @@ TEST_F(PlySurfels, SurviveDamage) {
   }
 }
 
-// As others write them: in text, in another order.
+// As other programs write them: as text, in another order.
 TEST_F(PlySurfels, ReadsOthersSurfels) {
   put("ply\nformat ascii 1.0\nelement vertex 1\nproperty float scale_1\nproperty float rot_0\nproperty float rot_1\n"
       "property float rot_2\nproperty float rot_3\nproperty float scale_0\nproperty float x\nproperty float y\n"

@@ -31,7 +31,7 @@ class Ply : public ::testing::Test {
     const auto data = read_file(path());
     return {data.begin(), data.end()};
   }
-  // The message of the error that reading these bytes gives, of the status expected; "" where there is none.
+  // The error message for these bytes, with the expected status; "" if there is none.
   std::string complaint(const std::string& content, Status status = Status::format) const {
     put(content);
     try {
@@ -100,7 +100,7 @@ TEST_F(Ply, RoundTripsEveryDegree) {
   }
 }
 
-// As the de facto standard has it, to the byte.
+// The de facto standard's layout, to the byte.
 TEST_F(Ply, WritesTheStandardLayout) {
   Scene scene;
   Gaussians& g = scene.gaussians;
@@ -297,7 +297,7 @@ TEST_F(Ply, WarnsOfBytesBeyond) {
   EXPECT_NE(warnings_.text().find("3 bytes"), std::string::npos) << warnings_.text();
 }
 
-// A count that nothing could hold: refused before anything is made for it.
+// An impossible count is refused before memory is allocated for it.
 TEST_F(Ply, PromisesTakeNoMemory) {
   for (const char* format : {"binary_little_endian", "binary_big_endian", "ascii"}) {
     std::string head = header(0, kPlain);
@@ -339,7 +339,7 @@ TEST_F(Ply, SkipsBadOnesAndCountsThem) {
   EXPECT_EQ(warnings_.text(), "");
 }
 
-// Damage to the file as a whole is an error whatever may be skipped.
+// Damage to the whole file is an error even if Gaussians may be skipped.
 TEST_F(Ply, SkippingPassesOverNoOtherDamage) {
   SkippedGaussians skipped;
   put(header(2, kPlain) + floats(kRow));
@@ -359,7 +359,7 @@ TEST_F(Ply, ReadsBigEndian) {
   EXPECT_EQ(warnings_.text(), "");
 }
 
-// The same scene as text: nine digits tell every float.
+// The same scene as text: nine digits represent every float exactly.
 TEST_F(Ply, ReadsText) {
   std::string head = header(2, kPlain, "element camera 2\nproperty list uchar int a\n");
   head.replace(head.find("binary_little_endian"), 20, "ascii");
@@ -401,7 +401,7 @@ TEST_F(Ply, RefusesDamagedTextByName) {
   EXPECT_NE(complaint(head + std::string(3 << 20, '1')).find("row 0 (byte"), std::string::npos);
 }
 
-// A colour of a float's size, divided by 0.28, is beyond a float.
+// A very large float colour, divided by 0.28, overflows.
 TEST_F(Ply, RefusesColoursThatOverflow) {
   const std::vector<std::string> names{"float x", "float y", "float z", "float red", "float green", "float blue"};
   EXPECT_NE(complaint(header(1, names) + floats({1, 2, 3, 0, 3e38f, 0})).find("Gaussian 0, green (byte"),

@@ -14,7 +14,7 @@ using test::expect_error;
 
 constexpr std::size_t record = 8 + 24 + 3 + 8 + 8;
 
-// Three points with tracks of 2, 0 and 1, the same as text and as bytes, beside cameras and images that are not read.
+// Three points with tracks of 2, 0 and 1, as text and as bytes, beside cameras and images that are not read.
 class ColmapPoints : public ::testing::Test {
  protected:
   template <class T>
@@ -82,7 +82,7 @@ TEST_F(ColmapPoints, AreFoundWhereTheCamerasAre) {
     std::filesystem::remove_all(folder.path());
   }
   expect_error(Status::file, {"no COLMAP model", "sparse/0"}, [&] { read_colmap_points(folder.path()); });
-  // A file of a model means that model, even where another one lies below.
+  // A file of a model means that model, even if there is another one below.
   write("sparse/0/", ".bin", "damaged");
   write("", ".bin", binary);
   expect_points(folder / "cameras.bin");

@@ -204,7 +204,7 @@ TEST_F(Colmap, DamagedTextIsNamed) {
   expect_error(Status::format, {"images.txt: line 2", "left/a.jpg", "camera 8"},
                with("images.txt", images_txt, "7 left", "8 left"));
   expect_error(Status::format, {"images.txt: line 3", "points"}, with("images.txt", images_txt, "1.5 2.5 -1 \n", ""));
-  // Nor is the next image taken for points where its name has blanks: every other one would be lost.
+  // An image whose name contains blanks is not mistaken for a line of points, which would lose every other image.
   expect_error(Status::format, {"images.txt: line 2", "\"b\" where a number"}, [&] {
     write_text();
     folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 7 a (1) 2.jpg\n2 1 0 0 0 0 0 0 7 b (1) 2.jpg\n");
@@ -236,11 +236,11 @@ TEST_F(Colmap, DamagedBytesNeverCrash) {
     hit[at / 8] = static_cast<char>(hit[at / 8] ^ (1 << (at % 8)));
     write_binary();
     try {
-      EXPECT_EQ(read().views.size(), 3U);  // never fewer, silently
+      EXPECT_EQ(read().views.size(), 3U);  // never silently fewer
     } catch (const Error&) {
     }
   }
-  // Counts: of cameras, of images and of the points of the first image.
+  // Counts of cameras, of images and of the first image's points.
   for (const std::uint64_t count : {std::uint64_t{1} << 40, ~std::uint64_t{0}, std::uint64_t{1} << 63}) {
     const auto set = [&](std::string& in, std::size_t at) { std::memcpy(&in[at], &count, sizeof count); };
     cameras_bin = good_cameras, images_bin = good_images;

@@ -9,9 +9,9 @@ using test::expect_error;
 
 class ListedFile : public ::testing::Test {
  protected:
-  // As the user names the folder.
+  // With a folder named by the user.
   FoundFile below(const std::string& name) { return ListedFiles({folder.path()}).find(name); }
-  // As the list lies in the folder.
+  // With the list's own folder.
   FoundFile beside(const std::string& name) { return ListedFiles({folder.path()}, folder.path()).find(name); }
   void expect_file(const std::string& name, const std::string& file, bool exactly) {
     for (const FoundFile& found : {below(name), beside(name)}) {
@@ -92,7 +92,7 @@ TEST_F(ListedFile, WhatIsWrittenComesFirstUnlessAFolderIsGiven) {
   EXPECT_EQ(below((other / "2.png").string()).path, "");
   other.touch("2.png");
   EXPECT_EQ(below((other / "2.png").string()).path, other / "2.png");
-  // What lies outside is left for the error where nothing else fits.
+  // A file outside the folders is returned, for the error, only if no other matches.
   Roots roots;
   roots.add(folder.path());
   EXPECT_EQ(ListedFiles({folder.path()}, folder.path(), &roots).find(absolute).path, folder / "1.png");

@@ -12,7 +12,7 @@ namespace {
 using nlohmann::json;
 using test::expect_error;
 
-json matrix_of(const Camera& camera) {  // as the format has it: camera-to-world, OpenGL axes
+json matrix_of(const Camera& camera) {  // as in the format: camera-to-world, OpenGL axes
   Eigen::Matrix4d m = camera.w2c.inverse();
   m.middleCols<2>(1) *= -1;
   json out = json::array();
@@ -62,7 +62,7 @@ TEST_F(TransformsJson, FrameFieldsWinOverTheFilesOwn) {
   root["frames"][1]["fl_x"] = 500;
   root["frames"][1]["w"] = 320;
   root["frames"][1]["cx"] = 100;
-  root["frames"][2]["camera_angle_x"] = 1.0;  // about this frame, so over the file's fl_x
+  root["frames"][2]["camera_angle_x"] = 1.0;  // specific to this frame, so it overrides the file's fl_x
   const ViewSet set = read(root);
   EXPECT_EQ(set.views[0].camera.fx, 800);
   EXPECT_EQ(set.views[1].camera.fx, 500);
@@ -144,7 +144,7 @@ TEST_F(TransformsJson, BackslashesOfWindowsAreTakenForSlashes) {
   EXPECT_EQ(view.camera.file, "images/0.png");
   EXPECT_EQ(view.picture, folder / "images/0.png");
   EXPECT_EQ(view.mask, folder / "masks/0.png");
-  folder.touch("images\\0.png");  // a name of its own, where there is such a file
+  folder.touch("images\\0.png");  // a file with that name exists
   EXPECT_EQ(read(root).views[0].picture, folder / "images\\0.png");
 }
 
@@ -184,20 +184,20 @@ TEST_F(TransformsJson, LensesThatAreNoneAreNamed) {
   expect_error(Status::input, {"frame 0", "coefficient k4 is 1e+300"}, [&] { read(root); });
 }
 
-// What walks a parsed file does so recursively: depth is bounded before.
+// Code that walks parsed values recurses, so the depth is limited before.
 TEST_F(TransformsJson, DeepNestingIsRefused) {
   const std::string open(1000000, '['), close(1000000, ']');
   const std::string text = R"({"frames": [{"file_path": "a", "fl_x": 1, "transform_matrix": )";
   const auto path = folder.write("transforms.json", text + open + close + "}]}");
   expect_error(Status::format, {"transforms.json: byte 91", "deeper than 32"}, [&] { read_views(path); });
-  // Brackets in a text are none.
+  // Brackets in a text do not count.
   folder.write("transforms.json", text + '"' + open + "\"}]}");
   expect_error(Status::format, {"frame 0", "transform_matrix is \"[[["}, [&] { read_views(path); });
 }
 
 TEST_F(TransformsJson, HugeFilesAreRefusedUnread) {
   const auto path = folder.write("transforms.json", "{");
-  std::filesystem::resize_file(path, std::uintmax_t{1} << 40);  // a hole: no disk is taken
+  std::filesystem::resize_file(path, std::uintmax_t{1} << 40);  // a sparse file that takes no disk space
   expect_error(Status::format, {"transforms.json", "64 MiB"}, [&] { read_views(path); });
 }
 
@@ -219,7 +219,7 @@ TEST_F(TransformsJson, FramesWithoutPictureAreCountedOnce) {
   folder.touch("images/1.png");
   folder.touch("images/3.png");
   json root = sample(4);
-  root["frames"][3]["file_path"] = "./images/3";  // NeRF-synthetic leaves the ending out
+  root["frames"][3]["file_path"] = "./images/3";  // NeRF-synthetic omits the ending
   test::Warnings warnings;
   const ViewSet set = read(root, true);
   ASSERT_EQ(warnings.all.size(), 1U);

@@ -59,7 +59,7 @@ TEST_F(ViewFiles, TheGivenFolderComesBeforeWhatIsListed) {
                [&] { read(list_of({"images/2.png"}), {.pictures_dir = folder / "small"}); });
 }
 
-// Else a picture would stand for two cameras.
+// Otherwise one picture would be used for two cameras.
 TEST_F(ViewFiles, TwoViewsDoNotShareAPictureByTheirTails) {
   folder.touch("images/1.png");
   expect_error(Status::input, {"left/1.png", "right/1.png", "images/1.png"}, [&] {
@@ -84,7 +84,7 @@ TEST_F(ViewFiles, AFolderOfMasksIsTakenWhereTheListNamesNone) {
   EXPECT_EQ(mask(set, 1), "masks/2.jpg.png");
   std::filesystem::remove(folder / "masks/2.jpg.png");
   EXPECT_NE(read(list_of({"images/a/1.jpg", "images/2.jpg"})).masks_found.find("1 of 2"), std::string::npos);
-  // A view whose mask is missing is left out where that is asked for.
+  // A view with a missing mask is omitted on request.
   test::Warnings warnings;
   const ViewSet good = read(list_of({"images/a/1.jpg", "images/2.jpg"}), {.bad = BadViews::leave_out});
   EXPECT_TRUE(good.views[0].problem.empty());
@@ -123,7 +123,7 @@ TEST_F(ViewFiles, PartsOfNerfSyntheticAreSets) {
   EXPECT_EQ(all.views[3].split, Split::test);
   EXPECT_EQ(picture(all, 3), "test/r_0.png");
   EXPECT_EQ(read_views(folder / "transforms_test.json").views.size(), 1U);
-  // The whole set, where there is one, is read instead.
+  // If the whole set exists, it is read instead.
   folder.touch("1.png");
   EXPECT_EQ(read(list_of({"1.png"})).views.size(), 1U);
   EXPECT_EQ(read_views(folder.path()).views.size(), 1U);
@@ -170,7 +170,7 @@ TEST_F(ViewFiles, ModelsWhereProgramsPutThem) {
     for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
       std::filesystem::remove_all(entry.path());
   }
-  // Objects of a data set that are called by numbers are no parts of one model.
+  // Numbered objects of a data set are not components of one model.
   write_model("0", {"1.png"});
   write_model("1", {"1.png"});
   EXPECT_FALSE(holds_views(folder.path()));
