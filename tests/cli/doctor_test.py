@@ -171,7 +171,7 @@ class Doctor(support.Case):
         entry = self.entry("hang.icd", library + "\n")
         _, told, _ = self.doctor("--seconds", 1)
         self.assertIn("hangs when it is loaded (not done after 1 s)", self.finding(told, "driver_hangs", entry)["found"])
-        # Who does not want to wait for all of that has no need to.
+        # A user who does not want to wait can interrupt it.
         doctor = subprocess.Popen([support.VSPLAT, "doctor", "--seconds", "100"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                   env={**os.environ, "OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": ""})
         self.wait_until(lambda: children_of(doctor.pid))

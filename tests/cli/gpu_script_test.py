@@ -150,7 +150,7 @@ class StandIn(Case):
         code, err = self.on("--minutes", 20, "--output", self.path("out"), "--part-size", 1, failures=2)
         self.assertEqual(code, 1, err)
         self.assertEqual((self.summary("out")["steps"], self.summary("out")["failed"]), (2, 1))
-        # One that goes on with it, into the same folder: the old state's parts are gone.
+        # A run that continues it, into the same folder: the pieces of the old state are gone.
         code, err = self.on("--minutes", 20, "--output", self.path("out"), "--from", self.path("out"), until=7)
         self.assertEqual(code, 0, err)
         self.assertEqual((self.summary("out")["steps"], self.summary("out")["steps_here"]), (7, 5))
@@ -197,7 +197,7 @@ class GpuScript(Case):
         steps = [int(line.split(",")[0]) for line in pathlib.Path(self.path("second", "log.csv")).read_text().splitlines()[1:]]
         self.assertEqual([step for step in steps if step % 10 == 0], list(range(10, second["steps"] + 1, 10)))
         self.assertEqual(steps, sorted(set(steps)))  # between them where a piece was stopped: what follows are the means of the rest
-        # What is damaged is not gone on with.
+        # A damaged state is not continued.
         with open(self.path("first", parts[-1]), "r+b") as f:
             f.write(b"damaged")
         code, err = self.script("--minutes", 1, "--output", self.path("third"), "--from", self.path("first"), "--device", DEVICE, "--objects", 1)

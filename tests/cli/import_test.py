@@ -100,7 +100,7 @@ class Import(Checkpoints):
         self.assertIsNone(told["named"])
         self.assertEqual(told["config"], self.info(self.other)["config"])
         self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.other))
-        # Of a named one all can be changed that shapes do not tell, and nothing that they tell.
+        # Fields of a named configuration can be changed unless shapes determine them.
         told, _ = self.imports("lightning.ckpt", "--set", "image=24", "--set", "negate_camera_centre=false")
         self.assertEqual(told["config"], {**self.info(self.model)["config"], "image": 24, "negate_camera_centre": False})
         self.refused(["fine_count", "2", "5"], "lightning.ckpt", "--set", "fine_count=5", code=2)
@@ -279,7 +279,7 @@ class Mutations:
                 names = sorted(os.listdir(self.folder))
                 code, told, err = support.run("weights", "import", target, "--output", out, *self.more)
                 self.assertFalse(os.path.exists(self.broken.canary), "something was run")
-                if i >= certain and code == 0:  # bits of what nobody reads: dates, padding
+                if i >= certain and code == 0:  # bits that are never read: dates, padding
                     with open(out, "rb") as f:
                         self.assertEqual(f.read(), self.right)
                     os.remove(out)

@@ -46,7 +46,7 @@ class Profile(support.Case):
         kernels = sum(kernel["total_ns"] for kernel in profile["kernels"]) * 1e-9
         self.assertAlmostEqual(kernels, profile["kernels_s"], delta=1e-6)
         self.assertAlmostEqual(sum(stage["kernels_s"] for stage in profile["stages"]), kernels, delta=1e-6)
-        self.assertLess(profile["wall"]["other_s"], 0.02 * wall + 0.05)         # what nobody accounts for
+        self.assertLess(profile["wall"]["other_s"], 0.02 * wall + 0.05)         # time that is not attributed
         for kernel in profile["kernels"]:
             self.assertEqual(sum(variant["calls"] for variant in kernel["launches"]), kernel["calls"])
             self.assertEqual(sum(variant["total_ns"] for variant in kernel["launches"]), kernel["total_ns"])

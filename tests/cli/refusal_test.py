@@ -37,7 +37,7 @@ class Outputs(support.Case):
     def test_unknown_device_and_no_platform(self):
         self.refuses(1, ["no device", "quantum"], *self.reconstruct("--device", "quantum"))
         self.refuses(1, "no device", *self.reconstruct(), env={"VSPLAT_DEVICE": "quantum"})
-        # (Two of one name where PoCL is told to have two.)
+        # Two devices with the same name, because PoCL is configured to have two.
         two = {"POCL_DEVICES": "pthread basic", "VSPLAT_DEVICE": ""}
         self.refuses(1, ["part of the names of 2 devices", "0:0", "0:1"], *self.reconstruct("--device", "portable"), env=two)
         self.refuses(1, ["no OpenCL device", "pocl-opencl-icd"], *self.reconstruct(), env={"OCL_ICD_VENDORS": self.path("none")})

@@ -112,7 +112,7 @@ class Selftest(SelftestCase):
         # Weights are packed on the device, by the kernel with the fault: who multiplies by them is as wrong.
         self.assertEqual(self.wrong(report, "gpu"), {"gemm_pack_plain", "gemm_tile_gpu", "gemm_matrix_gpu"})
         self.assertEqual([f["usable"] for f in report["flavours"]], [True, False])
-        # Who only looks at devices is told, too.
+        # Listing devices reports it as well.
         listed = json.loads(self.succeeds("devices", "--json", env=env)[0])
         self.assertIn((report["device"], "degraded"), [(d["name"], d["fitness"]) for d in listed])
         self.assertIn("[its self-test: degraded]", self.succeeds("devices", env=env)[0])

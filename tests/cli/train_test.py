@@ -113,7 +113,7 @@ class Train(train_support.Case):
         rates = [float(line["lr"]) for line in self.log("first")]
         self.assertEqual(len(rates), 11)
         self.assertTrue(rates[5] < 1e-12 and rates[6] == max(rates) and rates[10] < 1e-12, rates)
-        # Killed on the way, and gone on with by the same command; once more, it finds all done.
+        # Killed on the way, and continued by the same command; run once more, it finds everything done.
         self.succeeds(*self.train(config, "killed"))
         process = self.start(*self.train(config, "killed", *extend))
         while not os.path.exists(self.path("killed", "checkpoint-00000008.safetensors")) and process.poll() is None:

@@ -164,7 +164,7 @@ class Tune(Searching):
         pathlib.Path(path).write_text(text.replace("TILE_UNROLL\n  " + loop, fast))
         env = self.tune_environment(VSPLAT_KERNEL_DIR=folder)
         said = ""
-        for _ in range(60):  # how far it gets in its time nobody knows
+        for _ in range(60):  # its progress within the time limit is unknown
             told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 3, "--kernels", "gpu", env=env)
             said += err
             wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
@@ -195,7 +195,7 @@ class Tune(Searching):
         told, err = self.tune("--model", self.model, "--for", "render", "--seconds", 60, env=self.tune_environment(VSPLAT_KERNEL_DIR=folder), code=1)
         self.assertTrue(told["not_right"])
         self.assertTrue(all(name.startswith("radix_sort ") for name in told["not_right"]))
-        # Of the other operations some set may be faster than the one by hand, and then there is a table.
+        # For the other operations, a set may be faster than the default, and then there is a table.
         self.assertEqual([one for one in told["chosen"] if one["op"] == "radix_sort"], [])
         self.assertIn("no set of parameters is right", err)
 
@@ -239,7 +239,7 @@ class Tune(Searching):
         self.refuses(2, ["--seconds"], "tune", "--full", "--seconds", 3)
         self.refuses(2, ["--output"], "tune", "--model", self.model, env={"VSPLAT_CACHE_DIR": "off"})
         self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--kernels", "gpu", "--output", self.path("gpu.json"))
-        # What is refused has words, of whatever was kept of it; and what has no room is not refused.
+        # A refused set has a reason, whatever was stored of it; a set that does not fit into memory is not refused.
         with open(self.path("gpu.json")) as f:
             kept = json.load(f)
         line = {"op": "gemm", "shape": {"m": 64, "n": 8, "k": 8, "taps": 1}, "set": {"tile": 64, "unroll": 0, "split": 1}, "seconds": 0, "against": 0}
@@ -282,7 +282,7 @@ class Training(Tuned, train_support.Case):
                            *self.train(four, "run", "--resume", "--extend", 2, *cpu), env=off)
         self.assertNotIn("terminate", err)
         self.succeeds(*self.train(four, "run", "--resume", "--extend", 2, *cpu), env=tuned)
-        # The other way round, too; and what was begun with a table that is kept is told where that is.
+        # The other way round as well; if the table of a started training is stored, the error says where.
         self.succeeds(*self.train(two, "plain", *cpu), env=off)
         self.refuses(2, [table["hash"][:12], "VSPLAT_TUNING=off"], *self.train(four, "plain", "--resume", "--extend", 2, *cpu), env=tuned)
         os.makedirs(self.path("cache", "tuning"), exist_ok=True)

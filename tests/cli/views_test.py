@@ -79,7 +79,7 @@ class Views(support.Case):
         self.assertIn("transforms_train.json: is read", err)
         out, _ = self.succeeds("dataset", "info", folder, os.path.join(folder, "transforms_test.json"), "--json")
         self.assertEqual([o["views"] for o in json.loads(out)["objects"]], [8, 3])
-        # Of a set with parts nothing that is judged was an input: with all pictures of the test black, the nearest input differs.
+        # If a set has parts, no compared view was an input: with all test pictures black, the nearest input differs.
         for i in range(3):
             support.write_png(os.path.join(folder, "test", f"r_{i}.png"), self.SIDE, self.SIDE, [[(0, 0, 0)] * self.SIDE] * self.SIDE)
         out, _ = self.succeeds("evaluate", folder, "--model", self.model, "--center", "0,0,0", "--scale", 1, "--json")

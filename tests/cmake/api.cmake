@@ -33,7 +33,7 @@ vsplat_target(cycles_test)
 add_test(NAME cycles_test COMMAND cycles_test)
 set_tests_properties(cycles_test PROPERTIES LABELS "unit;slow" TIMEOUT 1800 ENVIRONMENT "${sanitizer_environment}")
 
-# Slow: a thousand frames of a million Gaussians, alone, since their time is held against the kernels'.
+# Slow: a thousand frames of a million Gaussians. Runs alone, because their time is compared with the kernels'.
 add_executable(frames_test model/api/frames_test.c)
 target_link_libraries(frames_test PRIVATE vsplat OpenCL::OpenCL)
 target_compile_definitions(frames_test PRIVATE _POSIX_C_SOURCE=200809L)

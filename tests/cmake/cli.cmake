@@ -8,7 +8,7 @@ foreach(part accidents bench cameras check convert dataset doctor driver_state e
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
-# Of these files what is marked as slow, which the tests above leave out.
+# The tests marked as slow in these files, which the tests above omit.
 foreach(part import reader selftest share train train_learns tune)
   add_test(NAME cli_${part}_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py --slow)
   set_tests_properties(cli_${part}_slow PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
@@ -69,7 +69,7 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME functions COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions PROPERTIES LABELS unit TIMEOUT 300 COST 100
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
-  # Of some that take long the quick test has no whole call.
+  # The quick test does not complete the calls of some slow functions.
   add_test(NAME functions_whole COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions_whole PROPERTIES LABELS "unit;slow" TIMEOUT 1500
     ENVIRONMENT "VSPLAT_FUNCTIONS=whole;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")

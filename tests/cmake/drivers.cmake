@@ -46,7 +46,7 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
   add_test(NAME oclgrind.gradient
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*seventeen)
-  # Of which the gradient's have the drawing, too.
+  # The gradient tests of these scenes include drawing.
   add_test(NAME oclgrind.more_scenes
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*seventeen:Committed/RenderBackwardGolden.*_one)
   add_test(NAME oclgrind.surfels

@@ -9,7 +9,7 @@ function(vsplat_suites program)
     COMMAND ${CMAKE_COMMAND} -DPROGRAM=$<TARGET_FILE:${program}> -DOUTPUT=${suites} -DCASES=${test_cases_dir}
       "-DPROPERTIES=${S_PROPERTIES}" "-DSLOW_PROPERTIES=${S_SLOW_PROPERTIES}"
       -P ${PROJECT_SOURCE_DIR}/tests/cmake/add_suites.cmake)
-  # What is not built yet is a test that fails, not one that nobody misses.
+  # A program that is not built yet is a failing test, not a missing one.
   set(included ${CMAKE_CURRENT_BINARY_DIR}/${program}_included.cmake)
   file(WRITE ${included} "if(EXISTS \"${suites}\")\n  include(\"${suites}\")\nelse()\n  add_test(${program}_NOT_BUILT ${program}_NOT_BUILT)\nendif()\n")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${included})

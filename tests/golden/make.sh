@@ -20,6 +20,6 @@ case $size in
 esac
 # Its tensors are small: a second thread takes half as much again of the processor's time, or more, and saves next to none of ours.
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
-# Nor does glibc give their memory back after each: a quarter of the processor's time.
+# Keeps glibc from returning their memory after each use, which takes a quarter of the processor's time.
 export MALLOC_MMAP_THRESHOLD_=4294967296 MALLOC_TRIM_THRESHOLD_=8589934592 MALLOC_TOP_PAD_=67108864
 exec "$here/../reference/pytorch/run.sh" $script "${1:-$here}" "$size"

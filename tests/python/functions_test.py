@@ -37,7 +37,7 @@ NULL = {
     ("vsplat_train", "options"): (USAGE,),  # it has to say where
     ("vsplat_refinement_create", "options"): (USAGE,),  # and with what it begins
     ("vsplat_scene_create", "arrays"): (USAGE,),  # "none may be"
-    # Of these the comment says what their fields may be.
+    # For these the comment says what their fields may be.
     ("vsplat_render_backward", "gradient"): (USAGE,),
     ("vsplat_opencl_render_backward", "gradient"): (USAGE,),
     ("vsplat_opencl_render_backward", "out"): (USAGE,),

@@ -370,7 +370,7 @@ class Module(unittest.TestCase):
         with self.assertRaises(vsplat.Error) as cancelled:
             stopped.result()
         self.assertEqual((cancelled.exception.status, stopped.state), ("cancelled", "cancelled"))
-        for _ in range(10):  # nobody holds them
+        for _ in range(10):  # without references
             device.render_async(scene, cameras)
         gc.collect()
         last = device.render_async(scene, cameras)

@@ -94,7 +94,7 @@ TEST_P(GemmBackward, ProductsOverRowsMatchReferenceAtEverySizeThatBreaksThings) 
   expect_product(1300, 130, 133);
 }
 
-// Many columns leave room for two sums at a time, and for one.
+// With many columns, the memory suffices for two sums at a time, or for one.
 TEST_P(GemmBackward, SumsAreMadeInSeveralRounds) {
   expect_product(5000, 2800, 3);
   expect_product(2500, 4500, 2);

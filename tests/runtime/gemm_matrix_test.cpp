@@ -1,5 +1,5 @@
-// Products on fragments, emulated: of small integers they are exact, of other numbers within what rounding operands and
-// adding up in floats may take.
+// Matrix products on emulated fragments: exact for small integers, and for other numbers within the error of rounded
+// operands and float sums.
 #include "runtime/gemm_matrix.h"
 
 #include <fmt/format.h>
@@ -96,8 +96,8 @@ TEST_P(GemmMatrixTest, OfIntegersIsExact) {
   holds(128L * 2 * ctx().device().compute_units + 1, 134, 37);  // enough tiles for the large ones
 }
 
-// |sum of rounded products - sum of products| <= (2 u + u^2) of the products' sizes, u = 2^-bits, and adding K of them
-// up in floats takes K 2^-23 of these at the most, however units round within a step.
+// |sum of rounded products - sum of products| <= (2 u + u^2) of the products' sizes, u = 2^-bits; summing K of them in
+// floats adds at most K 2^-23 of these, in whatever way units round within a step.
 TEST_P(GemmMatrixTest, IsWithinTheBound) {
   for (const auto& [m, n, k] : {std::array<long, 3>{1, 1, 1},
                                 {3, 7, 1009},

@@ -15,7 +15,7 @@ namespace {
 
 void wait_ms(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
 
-// What was done how often and by whom, and in which order it was told.
+// How often each item was done and by which worker, and the order of the reports.
 struct Record {
   explicit Record(std::size_t items) : times(items), by(items) {}
 

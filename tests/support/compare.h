@@ -1,4 +1,4 @@
-// Comparisons with messages that say where, how much, and against what.
+// Comparisons whose messages state position, size and reference of an error.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -46,9 +46,9 @@ template <class G, class W>
                                        << " of the largest, " << largest << "; at most " << tolerance << ")";
 }
 
-// The same for rows of `channels` numbers whose scales may differ (a position beside a logit, a gradient beside
-// another's): each channel within the tolerance of its own largest value. A channel that should be all zeros is held
-// against the smallest of the others.
+// As close(), for rows of `channels` numbers whose scales may differ (a position beside a logit, a gradient beside
+// another's): each channel must be within the tolerance of its own largest value. A channel that should be all zeros is
+// compared with the smallest of the others.
 template <class G, class W>
 ::testing::AssertionResult close_by_channel(const std::vector<G>& got, const std::vector<W>& want, std::size_t channels,
                                             double tolerance) {

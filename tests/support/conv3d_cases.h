@@ -1,4 +1,4 @@
-// Convolutions over volumes as their tests take them: of random numbers, and every way in which they are computed.
+// Convolutions over volumes for tests: random numbers, and every method of computing them.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ inline auto conv_ways() {
   return ::testing::Values(ConvWay{Flavour::cpu, ConvMethod::direct}, ConvWay{Flavour::cpu, ConvMethod::winograd},
                            ConvWay{Flavour::gpu, ConvMethod::direct}, ConvWay{Flavour::gpu, ConvMethod::winograd});
 }
-// Of the gradient by weights.
+// The methods for the gradient by weights.
 inline auto conv_weights_ways() {
   return ::testing::Values(ConvWay{Flavour::cpu, ConvMethod::direct}, ConvWay{Flavour::cpu, ConvMethod::winograd},
                            ConvWay{Flavour::gpu, ConvMethod::direct});

@@ -1,4 +1,4 @@
-// What kernels count in a profiled run.
+// Counters of kernels in a profiled run.
 #pragma once
 #include <string>
 
@@ -7,8 +7,8 @@
 
 namespace vsplat::test {
 
-// Runs `work` with the profiler on, which is off again then. -> the row whose name begins so, of several that with the
-// most operations; one of zeros: none
+// Runs `work` with the profiler on, and then switches it off. Returns the row whose name begins with `name`; of
+// several, the one with the most operations; zeros if there is none.
 template <class F>
 ProfileRow profiled_row(Context& ctx, const std::string& begin, const F& work) {
   ctx.finish();

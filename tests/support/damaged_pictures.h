@@ -1,4 +1,4 @@
-// Pictures cut short, and pictures with bits flipped: what every reader of them must stand.
+// Truncated pictures, and pictures with flipped bits, which every picture reader must survive.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -33,8 +33,9 @@ inline void expect_truncations_are_errors(const std::vector<std::string>& paths)
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
-// With a few bits flipped it is an error that names it, or a picture of its size with values from 0 to 1. Half of the
-// flips go to the first `header` bytes, where they do most harm; `skip` tells what is possible and would take long.
+// With a few bits flipped, reading gives an error that names the file, or a picture of its size with values from 0 to
+// 1. Half of the flips are in the first `header` bytes, where they do most harm; `skip` identifies valid but slow
+// inputs.
 template <class Skip>
 void expect_flips_are_survived(const std::vector<std::string>& paths, unsigned seed, std::size_t header,
                                const Skip& skip) {

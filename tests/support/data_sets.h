@@ -26,7 +26,7 @@ inline void write_transforms(const std::string& folder, const nlohmann::json& js
   put_file(folder + "/transforms.json", json.dump());
 }
 
-// The pictures of write_solids() without alpha and three pixels lower on both sides, as photographs that nobody masked.
+// Removes alpha from the pictures of write_solids() and three rows at top and bottom, like photographs without masks.
 inline void take_alpha(const TemporaryFolder& folder, int objects) {
   for (int i = 0; i < objects; ++i) {
     const std::string object = folder / ("solid_" + std::to_string(i));

@@ -1,4 +1,4 @@
-// The device that tests run on: $VSPLAT_DEVICE, else what the library would choose; one context per kernel flavour.
+// The device for tests: $VSPLAT_DEVICE, else the library's choice; one context per kernel flavour.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -10,18 +10,18 @@
 
 namespace vsplat::test {
 
-// Without a table of tuned parameters that this machine may have; one that a test is run with is taken.
+// Ignores a table of tuned parameters on this machine, unless the test is run with one.
 inline const int untuned = ::setenv("VSPLAT_TUNING", "off", 0);
-// And with all of its kernels, whatever a self-test has found.
+// Uses all kernels, whatever a self-test has found.
 inline const int unjudged = ::setenv("VSPLAT_SELFTEST", "ignore", 0);
 
-// A context of its own.
+// A separate context.
 inline std::unique_ptr<Context> open_context(Flavour flavour, ContextOptions options = {}) {
   options.kernels = name_of(flavour);
   return std::make_unique<Context>(options);
 }
 
-// Closes the contexts when the tests are over: at the program's exit the driver may be gone before them.
+// Closes the contexts after the tests, because the driver may be unloaded before them at exit.
 class Contexts : public ::testing::Environment {
  public:
   void TearDown() override {

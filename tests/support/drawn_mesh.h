@@ -1,4 +1,4 @@
-// Pictures of a mesh in a file, and how much two sets of them differ.
+// Pictures of a mesh file, and a measure of the difference between two sets of them.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@
 
 namespace vsplat::test {
 
-// From three sides.
+// Renders the mesh from three sides.
 inline std::vector<Image> drawn(const std::string& path) {
   Mesh mesh = load_mesh(path);
   fit_into_cube(mesh);
@@ -31,7 +31,7 @@ inline std::vector<Image> drawn(const std::string& path) {
   return out;
 }
 
-// Of colours times alpha, and alpha. 200 where they are equal.
+// PSNR of colours times alpha, and alpha; 200 if they are equal.
 inline double psnr(const std::vector<Image>& a, const std::vector<Image>& b) {
   double sum = 0;
   std::size_t count = 0;

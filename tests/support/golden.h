@@ -1,4 +1,4 @@
-// Vectors of the PyTorch specification: a file of tests/reference/pytorch/make_golden.py. See there for the names.
+// Vectors of the PyTorch specification: a file of tests/reference/pytorch/make_golden.py, which documents the names.
 #pragma once
 #include <string>
 #include <vector>

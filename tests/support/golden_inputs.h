@@ -1,4 +1,4 @@
-// What golden vectors give to a stage, as the stage takes it.
+// The inputs of a stage, from golden vectors.
 #pragma once
 #include <Eigen/Dense>
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace vsplat::test {
 
-// All that there are: the views that the network took, then those to draw alone.
+// All cameras: the network's input views, then the views that are only drawn.
 inline std::vector<Camera> golden_all_cameras(const Golden& golden, const std::string& poses = "input.c2w") {
   const auto c2w = golden.floats(poses), k = golden.floats("input.K");
   std::vector<Camera> cameras;
@@ -26,7 +26,7 @@ inline std::vector<Camera> golden_all_cameras(const Golden& golden, const std::s
   return cameras;
 }
 
-// The views that the network took, as it was told them: with their noise.
+// The network's input views as given to it: with their noise.
 inline std::vector<Camera> golden_cameras(const Golden& golden) {
   const bool noisy = golden.has("input.c2w_given");
   std::vector<Camera> cameras = golden_all_cameras(golden, noisy ? "input.c2w_given" : "input.c2w");
@@ -77,7 +77,7 @@ inline DeviceGaussians golden_gaussians(Context& ctx, const Golden& golden, cons
           golden_upload(ctx, golden, name + ".sh")};
 }
 
-// The cases of golden_cases() that are there, and the committed ones.
+// The cases of golden_cases() that exist, and the committed ones.
 inline std::vector<std::string> golden_present() {
   std::vector<std::string> names = {"micro", "micro_noise"};
   for (const std::string& name : golden_cases()) {

@@ -1,4 +1,4 @@
-// Writes pictures of kinds the library reads but does not write, straight through libpng, libjpeg and OpenEXR.
+// Writes picture files that the library reads but does not write, directly with libpng, libjpeg and OpenEXR.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -23,7 +23,7 @@ void write_test_png(const std::string& path, int width, int height, const std::v
 void write_test_jpeg(const std::string& path, int width, int height, int channels,
                      const std::vector<std::uint8_t>& samples, bool progressive = false);
 
-// Grey, progressive, every coefficient in two scans of its own: 127 times over the picture.
+// Grey, progressive, with every coefficient in two separate scans: visits the picture 127 times.
 void write_jpeg_of_many_scans(const std::string& path, int side);
 
 struct ExrKind {

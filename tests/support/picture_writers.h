@@ -1,4 +1,4 @@
-// Writes pictures as TIFF, WebP and BMP, and EXIF data into them: kinds the library reads and does not write.
+// Writes TIFF, WebP and BMP pictures and adds EXIF data, which the library reads but does not write.
 #pragma once
 #include <cstdint>
 #include <string>

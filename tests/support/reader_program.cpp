@@ -1,5 +1,5 @@
-// Test programs have the library's insides in them, and lie elsewhere than the library: they are told where the reader
-// is, and the module that traces rays.
+// Test programs contain the library's code but are not in its folder. This sets the paths of the reader and of the ray
+// tracing module.
 #include "model/data/ray_tracer.h"
 #include "model/io/reader/reader.h"
 

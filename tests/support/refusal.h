@@ -1,4 +1,4 @@
-// Errors that a test expects, and warnings that it hears.
+// Helpers for expected errors and recorded warnings.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 
 namespace vsplat::test {
 
-// The message of the Error that `work` throws, which must have the status; a failure of the test where it throws none.
+// The message of the Error that `work` throws, which must have the status; a test failure if it throws none.
 template <class Work>
 std::string refusal(Work work, Status status) {
   try {
@@ -23,7 +23,7 @@ std::string refusal(Work work, Status status) {
   return "";
 }
 
-// The same, of which the message must hold every one of `words`.
+// As above; the message must contain each of `words`.
 template <class Work>
 void expect_error(Status status, const std::vector<std::string>& words, Work&& work) {
   const std::string text = refusal(work, status);
@@ -31,7 +31,7 @@ void expect_error(Status status, const std::vector<std::string>& words, Work&& w
     EXPECT_NE(text.find(word), std::string::npos) << "\"" << word << "\" is not in: " << text;
 }
 
-// Collects warnings while it lives.
+// Collects warnings during its lifetime.
 class Warnings {
  public:
   Warnings() {

@@ -1,6 +1,5 @@
-// Scenes with what the PyTorch specification draws of them, and its gradients: the files of
-// tests/reference/pytorch/make_splat.py, and of surfels those of make_surfels.py. See there for how they keep clear of
-// thresholds.
+// Scenes with the PyTorch specification's pictures and gradients: the files of tests/reference/pytorch/make_splat.py,
+// and for surfels those of make_surfels.py, which describe how they avoid thresholds.
 #pragma once
 #include <array>
 #include <optional>
@@ -20,8 +19,9 @@ struct SplatGolden {
   std::vector<Picture> pictures;  // one a camera
   std::vector<Picture> cotangents;
 
-  // Of the sum over cameras, pictures and pixels of cotangent . picture: by the Gaussians' values, shaped as those, and
-  // by xi = (omega, tau) at 0, one a camera, where w2c is replaced by exp([omega, tau]) w2c.
+  // Gradient of the sum over cameras, pictures and pixels of cotangent . picture: with respect to the Gaussians'
+  // values, in their shapes, and to xi = (omega, tau) at 0, one per camera, where w2c is replaced by exp([omega, tau])
+  // w2c.
   Gaussians gradient;
   std::vector<std::array<double, 6>> pose_gradient;
 

@@ -1,4 +1,4 @@
-// A folder for one test, gone with it, and whole files in and out.
+// A temporary folder for one test, and functions to read and write whole files.
 #pragma once
 #include <algorithm>
 #include <cstdlib>

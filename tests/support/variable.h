@@ -1,4 +1,4 @@
-// An environment variable while this lives; what it was, afterwards.
+// Sets an environment variable during its lifetime, and restores the previous value.
 #pragma once
 #include <cstdlib>
 #include <string>

@@ -1,4 +1,4 @@
-// Suites that hold the device to files of vectors, each file by both flavours of the kernels.
+// Test suites that compare the device with files of vectors, each file with both kernel flavours.
 #pragma once
 #include <gtest/gtest.h>
 

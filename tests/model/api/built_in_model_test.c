@@ -1,5 +1,5 @@
-/* The built-in model, as C programs use it. Run it with a library that contains a model of configuration micro, and
-   with one that contains none: built_in_model_test micro|none FILE; FILE is written and read back */
+/* The built-in model, as C programs use it. Run it with a library that contains a model of configuration micro,
+   and with one that contains none: built_in_model_test micro|none FILE; FILE is written and read back */
 #include <stdlib.h>
 #include <string.h>
 #include <vsplat/vsplat.h>

@@ -1,5 +1,5 @@
-/* Compiles the public header as plain C and uses it: misuse with the exact status of each call, and a reconstruction
-   from pictures in memory. Prints every check that fails; exits 1 if any did. */
+/* Compiles the public header as plain C and uses it: misuse with the exact status of each call, and a
+   reconstruction from pictures in memory. Prints every check that fails; exits 1 if any did. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -131,7 +131,8 @@ static void bad_values(vsplat_device device) {
   HOLD(!other && !model && !scene && !text);
 }
 
-/* More Gaussians take more memory, whatever the limit; if drawing is impossible, the error says how much it would take. */
+/* More Gaussians take more memory, whatever the limit; if drawing is impossible, the error says how much it would
+   take. */
 /* Sizes per Gaussian: 56 bytes for the scene and 180 for drawing. */
 static void plans_of_drawing(vsplat_device device) {
   const uint64_t bytes_each = 56 + 180, fitting[] = {1, 1000, 100000, 1000000}, beyond = 1300000000;

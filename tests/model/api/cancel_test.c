@@ -1,5 +1,5 @@
-/* Measures how soon a cancelled call stops, in plain C: a reconstruction, a refinement and a training, at sizes with
-   long launches. The limit is 150 ms on two idle cores. Prints every check that fails; exits 1 if any did. */
+/* Measures how soon a cancelled call stops, in plain C: a reconstruction, a refinement and a training, at sizes
+   with long launches. The limit is 150 ms on two idle cores. Prints every check that fails; exits 1 if any did. */
 #include <math.h>
 #include <pthread.h>
 #include <sys/resource.h>

@@ -1,5 +1,5 @@
-/* Creates and releases a device, a stream of it, a scene and a job repeatedly: no memory, files or threads may be left.
-   `cycles_test [CYCLES]`: default 500, of which the first fifth warms up. */
+/* Creates and releases a device, a stream of it, a scene and a job repeatedly: no memory, files or threads may be
+   left. `cycles_test [CYCLES]`: default 500, of which the first fifth warms up. */
 #include <dirent.h>
 #include <stdlib.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
-/* Edits scenes in place: several in one picture, transformed, with Gaussians removed, within a box. Prints every check
-   that fails; exits 1 if any did. */
+/* Edits scenes in place: several in one picture, transformed, with Gaussians removed, within a box. Prints every
+   check that fails; exits 1 if any did. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

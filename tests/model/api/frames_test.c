@@ -1,6 +1,6 @@
 /* Draws frames of a large scene into a caller's buffer: `frames_test SCENE.ply CAMERAS.json [FRAMES]` (1000). No
-   picture passes through the host, each equals vsplat_render's result on the host, and there is hardly any time beside
-   the kernels' own. */
+   picture passes through the host, each equals vsplat_render's result on the host, and there is hardly any time
+   beside the kernels' own. */
 #include <CL/cl.h>
 #include <stdlib.h>
 #include <time.h>

@@ -1,5 +1,5 @@
-/* Creates scenes from a caller's arrays, changes, draws and differentiates them, in plain C. Prints every check that
-   fails; exits 1 if any did. */
+/* Creates scenes from a caller's arrays, changes, draws and differentiates them, in plain C. Prints every check
+   that fails; exits 1 if any did. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,8 +10,8 @@
 
 enum { count = 2, coefficients = 4 };
 
-/* A caller's arrays with two Gaussians in front of the camera and space for a third. They fill the picture, so that no
-   pixel is at the edge of one, where its value would jump. */
+/* A caller's arrays with two Gaussians in front of the camera and space for a third. They fill the picture, so
+   that no pixel is at the edge of one, where its value would jump. */
 typedef struct values {
   float means[9], scales[9], rotations[12], opacities[3], sh[3 * coefficients * 3];
 } values;

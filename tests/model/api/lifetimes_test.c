@@ -1,6 +1,6 @@
-/* A call keeps its arguments alive even if they are released meanwhile; callbacks may call the library; a process that
-   exits ends its jobs. Prints every check that fails; exits 1 if any did. With an argument, this is the process that
-   exits: lifetimes_test NUMBER. */
+/* A call keeps its arguments alive even if they are released meanwhile; callbacks may call the library; a process
+   that exits ends its jobs. Prints every check that fails; exits 1 if any did. With an argument, this is the
+   process that exits: lifetimes_test NUMBER. */
 #include <pthread.h>
 #include <spawn.h>
 #include <stdlib.h>

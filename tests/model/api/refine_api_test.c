@@ -1,5 +1,5 @@
-/* A caller's own refinement loop with pictures in memory, in plain C: step, stop, take the scene. Prints every check
-   that fails; exits 1 if any did. */
+/* A caller's own refinement loop with pictures in memory, in plain C: step, stop, take the scene. Prints every
+   check that fails; exits 1 if any did. */
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>

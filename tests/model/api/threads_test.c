@@ -1,5 +1,5 @@
-/* A device used by several threads at once, by a callback, and by a child of fork(), in plain C. Each call either works
-   or fails with an error. Prints every check that fails; exits 1 if any did. */
+/* A device used by several threads at once, by a callback, and by a child of fork(), in plain C. Each call either
+   works or fails with an error. Prints every check that fails; exits 1 if any did. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
-/* Training through the C interface: misuse with the status of each call, the configuration, and its memory plan. The
-   training itself is tested through the command, which uses the same calls. */
+/* Training through the C interface: misuse with the status of each call, the configuration, and its memory plan.
+   The training itself is tested through the command, which uses the same calls. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>

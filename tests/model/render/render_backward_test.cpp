@@ -18,7 +18,7 @@ namespace {
 
 using test::SplatGolden;
 
-// Of the largest value of each tensor.
+// Relative to the largest value of each tensor.
 constexpr double kTolerance = 1e-4;
 
 PictureGradient upload_cotangent(Context& ctx, const Picture& p) {
@@ -35,7 +35,7 @@ struct Gradient {
   std::vector<std::array<double, 6>> poses;  // one a camera
 };
 
-// Of the sum over cameras.
+// Gradient of the sum over cameras.
 Gradient differentiate(Context& ctx, const GaussianChunks& scene, const std::vector<Camera>& cameras,
                        const RenderOptions& options, const std::vector<Picture>& cotangents) {
   const SceneGradient out = zero_gradient(ctx, scene);
@@ -66,7 +66,7 @@ TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   const auto all_zero = [](const std::vector<float>& v) {
     return std::all_of(v.begin(), v.end(), [](float x) { return x == 0; });
   };
-  // A scene without any, and one that no view-dependent colour is in.
+  // Scenes without Gaussians, and scenes without view-dependent colour.
   const bool none = want.count == 0;
   EXPECT_TRUE(test::close(g.means, want.means, kTolerance, none)) << "means";
   EXPECT_TRUE(test::close(g.scales, want.scales, kTolerance, none)) << "scales";
@@ -79,7 +79,7 @@ TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   EXPECT_EQ(none, all_zero(want.means));
   for (std::size_t v = 0; v < golden.cameras.size(); ++v) {
     const auto &pose = got.poses[v], &wanted = golden.pose_gradient[v];
-    // Turning and moving, each of its own scale.
+    // Rotation and translation have different scales.
     for (const std::ptrdiff_t first : {0, 3})
       EXPECT_TRUE(test::close(std::vector<double>(pose.begin() + first, pose.begin() + first + 3),
                               std::vector<double>(wanted.begin() + first, wanted.begin() + first + 3), kTolerance,
@@ -184,7 +184,7 @@ TEST_P(RenderBackward, MatchesDifferences) {
   EXPECT_TRUE(test::close(std::vector<double>(got.poses[0].begin(), got.poses[0].end()), pose, 2e-5)) << "pose";
 }
 
-// However little memory there is: sums are taken in another order, which is all that may differ.
+// With little memory, sums are computed in another order, which may be the only difference.
 TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
   const test::SceneCase c{"", 150000, 0, 300, 200, ""};
   const Gaussians g = test::make_scene(c, 12);
@@ -236,14 +236,14 @@ TEST_P(RenderBackward, AlongWithThePictureIsTheSame) {
     EXPECT_GT(again.intersections, 10000U);
     const std::vector<float> means = own->read<float>(got[0].means);
     EXPECT_TRUE(std::any_of(means.begin(), means.end(), [](float x) { return x != 0; }));
-    // In parts, which may be others from call to call, sums are taken in another order.
+    // In several parts, which may differ between calls, sums are computed in another order.
     EXPECT_TRUE(test::close(means, own->read<float>(want[0].means), gib > 0 ? 1e-5 : 0));
     EXPECT_TRUE(
         test::close(own->read<float>(got[0].opacities), own->read<float>(want[0].opacities), gib > 0 ? 1e-5 : 0));
   }
 }
 
-// A scene that is not in one piece: the same bits.
+// A scene in several chunks gives the same bits.
 TEST_P(RenderBackward, TakesAScenesChunks) {
   const test::SceneCase c{"", 70000, 1, 100, 80, ""};
   const Gaussians g = test::make_scene(c, 47);

@@ -19,7 +19,7 @@ using test::SplatGolden;
 ::testing::AssertionResult close_pictures(const Image& got, const Image& want, double least) {
   if (got.data.size() != want.data.size())
     return ::testing::AssertionFailure() << got.data.size() << " values, " << want.data.size() << " expected";
-  if (want.empty()) return ::testing::AssertionSuccess();  // a map that volumes do not have
+  if (want.empty()) return ::testing::AssertionSuccess();  // a map that volumes lack
   double largest = least, sum = 0, worst = 0;
   for (const float v : want.data) largest = std::max(largest, std::abs(static_cast<double>(v)));
   std::size_t at = 0;
@@ -42,7 +42,7 @@ class RenderGolden : public ::testing::TestWithParam<std::tuple<Flavour, std::st
   const std::string& name() const { return std::get<1>(GetParam()); }
 };
 
-// Of surfels there are all maps, of volumes the first three.
+// Surfels have all maps, volumes the first three.
 const std::pair<const char*, Image Picture::*> kMaps[] = {
     {"colour", &Picture::colour}, {"alpha", &Picture::alpha},   {"depth", &Picture::depth},
     {"normal", &Picture::normal}, {"median", &Picture::median}, {"distortion", &Picture::distortion}};

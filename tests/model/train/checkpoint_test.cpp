@@ -41,7 +41,7 @@ void expect_equal(const Checkpoint& a, const Checkpoint& b) {
   expect_equal(a.average, b.average);
 }
 
-// Moments of every trained parameter but the refinement's, as where a configuration does not use that.
+// Moments of every trained parameter except the refinement's, as for a configuration that does not use it.
 Checkpoint sample(long step, double ema = 0.99) {
   Checkpoint c;
   c.config.model = named_config("micro");
@@ -70,7 +70,7 @@ TEST(Checkpoint, ComesBackToTheBit) {
     EXPECT_EQ(path, folder / "checkpoint-00001200.safetensors");
     save_checkpoint(path, c);
     expect_equal(load_checkpoint(path), c);
-    // The same state gives the same file.
+    // Equal states give equal files.
     const std::string first = contents_of(path);
     save_checkpoint(path, load_checkpoint(path));
     EXPECT_TRUE(first == contents_of(path));
@@ -106,7 +106,7 @@ TEST(Checkpoint, RefusesToWriteWhatIsNotAWholeState) {
   EXPECT_TRUE(folder.entries().empty());
 }
 
-// Damage anywhere is seen: at each of many places a byte is changed, or the file ends.
+// Damage is detected anywhere: at each of many positions, a byte is changed or the file ends.
 TEST(Checkpoint, SeesDamage) {
   const TemporaryFolder folder;
   const std::string path = folder / "x.safetensors";
@@ -242,7 +242,7 @@ TEST(Checkpoint, GivesTheModelForInference) {
   expect_equal(load_model(path).weights, plain.parameters);
 }
 
-// A write that ends halfway: files may not grow beyond a limit for as long as this lives.
+// Makes writes end halfway: limits the size of files while this lives.
 class SmallFiles {
  public:
   explicit SmallFiles(rlim_t most) {
@@ -277,7 +277,7 @@ TEST(Checkpoint, AWriteThatFailsLosesNothing) {
   EXPECT_TRUE(contents_of(path) == before);
   expect_equal(*newest_checkpoint(folder.string()), sample(100));
 
-  // A folder that is a file, that is not there, and one in which nobody may create files.
+  // A folder that is a file, one that does not exist, and one without write permission.
   put_file(folder / "file", "");
   for (const std::string& unwritable : {folder / "file", folder / "none", std::string("/proc")}) {
     const std::string target = checkpoint_path(unwritable, 1);
@@ -285,8 +285,8 @@ TEST(Checkpoint, AWriteThatFailsLosesNothing) {
   }
 }
 
-// In a child: a file system of a little more than one checkpoint, which the second one does not fit. Its exit code:
-// 77 where this system lets nobody mount, else 0 or the number of the check that failed.
+// In a child process: a file system slightly larger than one checkpoint, which the second one does not fit into. Exit
+// code: 77 if this system does not permit mounting, else 0 or the number of the check that failed.
 int fill_a_disk(const std::string& folder) {
   const auto identity = [](const char* path, const std::string& text) {
     const int file = ::open(path, O_WRONLY | O_CLOEXEC);

@@ -38,7 +38,7 @@ Checkpoint start_of(double pose_noise, const std::string& poses = "predicted") {
 
 class NoisyPoses : public test::FlavourTest {
  protected:
-  // Of what the network predicts now, against the accurate cameras' rays.
+  // Errors of the network's current predictions, relative to the accurate cameras' rays.
   RayErrors errors(const Checkpoint& at, const TrainingViews& views) {
     const Config& config = *at.config.model.as<Config>();
     const VsplatModel model(ctx(), config, at.parameters);
@@ -87,7 +87,7 @@ TEST_P(NoisyPoses, NoiseFollowsFromTheSeedAndTheStep) {
   }
 }
 
-// Where memory is short the predictor runs once more, too: the same bits.
+// If memory is short, the predictor is also recomputed: the same bits.
 TEST_P(NoisyPoses, RunningOnceMoreGivesTheSameGradients) {
   const TrainingViews views = tiny_set();
   const AnyConfig config = start_of(0).config.model;

@@ -39,7 +39,7 @@ void put_sheet(const std::string& folder, long step, const std::string& contents
   put_file(fmt::format("{}/sheets/step-{:08d}.png", folder, step), contents);
 }
 
-// The page, and what is in it for its script.
+// The page, and the data in it for its script.
 std::string page_of(const std::vector<std::string>& runs) {
   const TemporaryFolder out;
   write_report(runs, out / "page.html");
@@ -96,7 +96,7 @@ TEST(Report, FetchesNothing) {
         << page.substr(at, 60);
 }
 
-// Of whatever is in files and names, nothing becomes part of the page itself.
+// Text from files and names never becomes markup of the page.
 TEST(Report, WhatStrangersWroteStaysText) {
   const TemporaryFolder folder;
   const std::string run = folder / "run";

@@ -63,7 +63,7 @@ TEST(RunRecord, GoesOnWithTheDevicesBefore) {
   const TemporaryFolder folder;
   const std::string path = folder / "record.json";
   run(path, 0, 25, on("a"), 300);
-  // Killed after 25, gone on with from 20: the same device is one part.
+  // Killed after step 25 and continued from 20: the same device forms a single stretch.
   json parts = run(path, 20, 40, on("a", 2000), 200);
   ASSERT_EQ(parts.size(), 1);
   EXPECT_EQ(parts[0]["first"], 0);
@@ -76,11 +76,11 @@ TEST(RunRecord, GoesOnWithTheDevicesBefore) {
   ASSERT_EQ(parts.size(), 2);
   EXPECT_EQ(parts[0]["last"], 30);
   EXPECT_EQ(parts[1]["first"], 30);
-  // From a checkpoint before that device, as if it had never been.
+  // From a checkpoint before that device's steps, as if they had never been.
   parts = run(path, 30, 60, on("c"));
   ASSERT_EQ(parts.size(), 2);
   EXPECT_EQ(parts[1]["device"], "c");
-  // And begun anew.
+  // And started again.
   EXPECT_EQ(run(path, 0, 10, on("d")).size(), 1);
 }
 

@@ -58,7 +58,7 @@ bool all_zero(const std::vector<float>& values) {
 
 class GoldenGradients : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {};
 
-// The network alone, for given gradients by its Gaussians.
+// The network alone, for given gradients with respect to its Gaussians.
 TEST_P(GoldenGradients, OfTheNetworkMatch) {
   const auto& [flavour, name] = GetParam();
   VSPLAT_NEED_GOLDEN(name);
@@ -105,7 +105,8 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
   }
 }
 
-// Of the loss, through the rasteriser of both levels: taken together, since a flipped pixel moves single ones.
+// Gradients of the loss through the rasteriser of both levels. All are compared together, because a flipped pixel
+// changes single ones.
 TEST_P(GoldenGradients, OfTheLossMatch) {
   const auto& [flavour, name] = GetParam();
   VSPLAT_NEED_GOLDEN(name);
@@ -141,7 +142,7 @@ TEST_P(GoldenGradients, OfTheLossMatch) {
       norm += std::pow(static_cast<double>(want[i]), 2);
     }
   }
-  // With nothing selected and no way for a gradient to the confidence there is none at all.
+  // If nothing is selected and no gradient reaches the confidence, there is none at all.
   if (norm == 0)
     EXPECT_EQ(error, 0);
   else

@@ -90,7 +90,7 @@ TEST(ListedPoints, OfAModelBesideTheListAreMovedIntoItsWorld) {
     ASSERT_TRUE(turned) << where;
     EXPECT_TRUE(turned->placed);
     EXPECT_LT((mean(*turned) - move.apply({1, 2, 3})).norm(), 0.01) << where;
-    // Of the same world they stay as they are, to the bit.
+    // Points in the same world stay unchanged, to the bit.
     const auto same = listed_points(listed(folder, test::ring(5, {1, 2, 3})));
     ASSERT_TRUE(same);
     EXPECT_EQ(same->points[7].position, read_colmap_points(folder / where)[7].position);
@@ -131,7 +131,7 @@ TEST(ListedPoints, OfAPlyFile) {
   expect_error(Status::format, {"flat.ply", "no z"}, [&] { listed_points(set); });
 }
 
-// Photographs with poses and nothing else: what the first command places.
+// Photographs with only poses, as in a user's first command.
 TEST(FindPlacement, EstimatesWhatTheListDoesNotSay) {
   const ViewFolder folder;
   const Vector3d looked_at(1, 2, 3), object(1.2, 2.1, 2.9);
@@ -150,7 +150,7 @@ TEST(FindPlacement, EstimatesWhatTheListDoesNotSay) {
   EXPECT_LT((by_points.placement.centre - object).norm(), 0.02);
   EXPECT_NEAR(by_points.placement.edge, 0.6 * 1.05, 0.03);
   EXPECT_NE(by_points.found.find("of the 200 points"), std::string::npos) << by_points.found;
-  // Points of another world are no help, and damaged ones are told of; the rest goes on without them.
+  // Points of another world are not used, and damaged ones cause a warning; placement continues without them.
   photographs.set.views[0].name = photographs.set.views[1].name = photographs.set.views[2].name = "images/x.png";
   EXPECT_EQ(find_placement(photographs, all, {}).placement.edge, by_axes.placement.edge);
   photographs.set = listed(folder, test::ring(4, looked_at));

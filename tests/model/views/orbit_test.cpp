@@ -168,7 +168,7 @@ Scene tall_scene() {
 
 TEST(OrbitAboutScene, KeepsAllOfItInThePictureAllTheWayRound) {
   Scene scene = tall_scene();
-  for (int i = 0; i < 30; ++i) {  // floaters, and mist that nobody sees
+  for (int i = 0; i < 30; ++i) {  // floaters, and a mist too faint to see
     scene.gaussians.means[3 * (97 * i)] += i % 3 ? 1e4F : 0.0F;
     scene.gaussians.means[3 * (97 * i) + 1] -= i % 3 ? 0.0F : 30.0F;
     if (i % 3 == 0) scene.gaussians.opacities[97 * i] = 0.02F;
@@ -253,7 +253,7 @@ TEST(OrbitAboutScene, NoneOrOneGaussian) {
     EXPECT_NEAR(c.centre().z(), 3 + 3 * std::sin(20 * M_PI / 180), 1e-6);
 }
 
-// The cylinder inscribed in the cube has room, whatever the inputs' field of view.
+// The cylinder inscribed in the cube fits, whatever the inputs' field of view.
 TEST(Orbit, TheCubeKeepsAMargin) {
   const std::vector<Camera> inputs = test::ring(6, {0, 0, 0}, 1.5, 0.5);  // a unit cube reaches beyond their pictures
   for (const double edge : {1.0, 0.1}) {

@@ -22,7 +22,7 @@ class Random {
 
 ColoredPoint at(const Vector3d& position) { return {position, {128, 128, 128}, 0.3, 5}; }
 
-// On the surface of a box.
+// Points on the surface of a box.
 std::vector<ColoredPoint> box(int count, const Vector3d& centre, const Vector3d& half) {
   Random random;
   std::vector<ColoredPoint> out;
@@ -63,8 +63,8 @@ TEST(PointCube, StrayAndFarPointsDoNotCount) {
   ASSERT_TRUE(alone);
   std::vector<ColoredPoint> points = object;
   Random random;
-  for (int i = 0; i < 150; ++i) points.push_back(at(Vector3d(random(), random(), random())));       // thin, around it
-  for (int i = 0; i < 800; ++i) points.push_back(at(15 * Vector3d(random(), random(), random())));  // a room
+  for (int i = 0; i < 150; ++i) points.push_back(at(Vector3d(random(), random(), random())));       // sparse, around it
+  for (int i = 0; i < 800; ++i) points.push_back(at(15 * Vector3d(random(), random(), random())));  // the surroundings
   add(points, box(700, {-40, 0, 0}, {0.1, 0.1, 0.1}));                          // a dense place that few cameras see
   std::vector<ColoredPoint> wrong = box(300, {0.9, 0, 0}, {0.02, 0.02, 0.02});  // dense and in view, but mismatches
   for (std::size_t i = 0; i < wrong.size(); ++i) (i % 2 ? wrong[i].error = 5 : wrong[i].track = 2);

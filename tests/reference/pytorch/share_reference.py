@@ -379,7 +379,7 @@ def self_check():
         print(f"{what}: {float(error):.1e}")
         if not error <= limit:
             raise SystemExit("FAILED")
-    # windows against rolling and cutting a picture of token numbers; strangers against distances on the rolled grid
+    # compares windows with rolling and cutting a picture of token numbers, and masked pairs with distances on the rolled grid
     for h, w, s in ((6, 6, 2), (8, 4, 2), (9, 6, 3), (4, 4, 1)):
         for shifted in (False, True):
             token, region = windows(h, w, s, shifted)
@@ -387,7 +387,7 @@ def self_check():
             grid = torch.roll(torch.arange(h * w).reshape(h, w), (-sh, -sw), (0, 1))
             cut = torch.stack([grid[a * (h // s):(a + 1) * (h // s), b * (w // s):(b + 1) * (w // s)].reshape(-1) for a in range(s) for b in range(s)])
             assert torch.equal(token, cut)
-            # two tokens of a window are strangers exactly if they lie further apart in the picture than a window reaches
+            # two tokens of a window are masked from each other exactly if they are further apart in the picture than a window reaches
             y, x = token // w, token % w
             far = ((y[:, :, None] - y[:, None]).abs() >= h // s) | ((x[:, :, None] - x[:, None]).abs() >= w // s)
             assert torch.equal(far, region[:, :, None] != region[:, None])

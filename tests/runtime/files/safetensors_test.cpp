@@ -187,7 +187,7 @@ TEST_F(SafetensorsTest, RefusesAHashThatIsNone) {
   for (const std::string& stated : {std::string("12"), std::string(64, 'g'), std::string(65, '0')})
     EXPECT_THROW(SafetensorsFile(write(file_of("{\"__metadata__\":{\"sha256\":\"" + stated + "\"}}", 0))).check_hash(),
                  Error);
-  // Written with an escape, the digits' place cannot be told.
+  // With an escape in the text, the position of the digits is unknown.
   EXPECT_THROW(
       SafetensorsFile(write(file_of("{\"__metadata__\":{\"sha\\u003256\":\"" + std::string(64, '0') + "\"}}", 0)))
           .check_hash(),

@@ -96,7 +96,7 @@ TEST(ProfileSums, RowsOfTheHostHaveTheirOwnTimeAndAll) {
   EXPECT_EQ(split.host.front().name, "reconstruct");
 }
 
-// Of two in one another, time is the inner one's, whichever was told first.
+// Time in nested spans belongs to the inner one, whichever was reported first.
 TEST(ProfileSums, InnerSpansTakeTheirTime) {
   for (const bool inner_first : {true, false}) {
     Profile p;

@@ -330,7 +330,7 @@ TEST(SystemProgram, SpeaksOnItsThirdDescriptor) {
   const sys::ProgramEnd end = sys::end_of(program.number, sys::Wait::until_it_has_ended);
   EXPECT_EQ(end.state, sys::ProgramEnd::State::ended);
   EXPECT_EQ(end.signal, 0);
-  EXPECT_EQ(sys::end_of(program.number, sys::Wait::no).state, sys::ProgramEnd::State::unknown);  // nobody's by now
+  EXPECT_EQ(sys::end_of(program.number, sys::Wait::no).state, sys::ProgramEnd::State::unknown);  // already reaped
   ::unsetenv("VSPLAT_HIDDEN_ONE");
   ::unsetenv("VSPLAT_SHOWN_ONE");
 }

@@ -29,7 +29,7 @@ TunedValues with(const TunedDeclaration& of, const char* name, long value) {
   return out;
 }
 
-// A variable of the environment as long as it lives.
+// Sets an environment variable while this lives.
 class Setting {
  public:
   Setting(const char* name, const std::string& value) : name_(name) {
@@ -260,7 +260,7 @@ TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
     EXPECT_EQ(ctx->tuned(wrong), default_values(of));
     EXPECT_EQ(ctx->tuned(right), all_values(of).back());
     EXPECT_TRUE(ctx->switched_off().tuned);
-    // A training that has begun with that table is told so, and not to take it.
+    // A training that began with that table gets an error that says so, and that the table must not be used.
     write_tuning(kept_tuning_path(hash), table);
     const std::string told = message_of([&] { refuse_other_tuning(*ctx, {{"tuning", hash}}, "run"); });
     for (const std::string& words : {hash.substr(0, 12), std::string("refused"), name})

@@ -42,7 +42,7 @@ class VerdictTest : public ::testing::Test {
   static void restore(const char* name, const std::optional<std::string>& value) {
     value ? ::setenv(name, value->c_str(), 1) : ::unsetenv(name);
   }
-  // What is warned of while it is called.
+  // The warnings during the call.
   static std::string warned(const std::function<void()>& call) {
     std::string out;
     set_log_sink([&](LogLevel level, const std::string& text) {
@@ -152,7 +152,7 @@ TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {
   ::setenv("VSPLAT_CACHE_DIR", "off", 1);
   EXPECT_NE(warned([&] { EXPECT_FALSE(remember(device_, {})); }).find("VSPLAT_CACHE_DIR is off"), std::string::npos);
   EXPECT_FALSE(remembered_verdict(device_));
-  // Where the folder cannot be made it is told which, and why.
+  // If the folder cannot be created, the error names it and the reason.
   std::ofstream(home_ / "file") << "x";
   ::setenv("VSPLAT_CACHE_DIR", (home_ / "file/cache").c_str(), 1);
   const std::string why = warned([&] { EXPECT_FALSE(remember(device_, {})); });

@@ -41,7 +41,7 @@ CurveOrders orders_of(const GendenGolden& golden) {
   return out;
 }
 
-// Of a row: SH [N,S,3] are S colours, each coefficient of its own scale; one number is its own row.
+// Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
 std::size_t channels_of(const Shape& shape) {
   if (shape.size() < 2) return 1;
   return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
@@ -57,7 +57,7 @@ class GendenVectors : public test::VectorsTest {};
 VSPLAT_VECTORS(GendenVectors, all_cases());
 VSPLAT_SLOW_VECTORS(GendenVectors, test::slow_genden_cases());
 
-// A run of the model on a golden file's inputs, with every stage's output kept and the drawings held.
+// A run of the model on a golden file's inputs, with every stage's output recorded and the renderings fixed.
 struct ModelRun {
   std::map<std::string, std::vector<float>> stages;
   std::map<std::string, std::size_t> channels;  // of each stage's rows
@@ -90,7 +90,7 @@ TEST_P(GendenVectors, EveryStageMatches) {
   for (const auto& [stage, values] : run.stages) {
     ASSERT_TRUE(golden.has("stage." + stage)) << stage;
     const auto want = golden.floats("stage." + stage);
-    // What many small numbers make up is held against the largest of all of them.
+    // The sum of many small numbers is compared relative to the largest of them.
     if (stage == "score" || stage == "pull")
       EXPECT_TRUE(test::close(values, want, 1e-4)) << stage;
     else
@@ -104,7 +104,7 @@ TEST_P(GendenVectors, EveryStageMatches) {
   EXPECT_EQ(run.stages.size(), stages - 1);
 }
 
-// Where each level's points lie, in which order they come and who is whose neighbour: exactly.
+// The positions of each level's points, their order and their neighbours must match exactly.
 TEST_P(GendenVectors, PlacesOfEveryLevelMatch) {
   VSPLAT_NEED_LARA_GOLDEN(name());
   const GendenGolden golden = GendenGolden::load(name());

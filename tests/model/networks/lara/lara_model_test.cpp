@@ -26,13 +26,13 @@ Tensor upload(Context& ctx, const LaraGolden& golden, const std::string& name) {
   return ctx.upload(t.shape, t.data, Type::f32, name);
 }
 
-// Of a row: SH [N,S,3] are S colours, each coefficient of its own scale; one number is its own row.
+// Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
 std::size_t channels_of(const Shape& shape) {
   if (shape.size() < 2) return 1;
   return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
 }
 
-// The specification has a view's rows one after the other, [V, r^3, C + E]; the device a voxel's.
+// The specification stores a view's rows one after the other, [V, r^3, C + E]; the device stores a voxel's.
 std::vector<float> lifted_by_view(const std::vector<float>& samples, const std::vector<float>& embedded,
                                   const LaraConfig& c, std::size_t views) {
   const auto voxels = static_cast<std::size_t>(c.lifted_voxels()), dim = static_cast<std::size_t>(c.vit_dim),
@@ -47,7 +47,7 @@ std::vector<float> lifted_by_view(const std::vector<float>& samples, const std::
   return out;
 }
 
-// A run of the model on a golden file's inputs, with every stage's output kept, and the drawings held.
+// A run of the model on a golden file's inputs, with every stage's output recorded and the renderings fixed.
 struct ModelRun {
   std::map<std::string, std::vector<float>> stages;
   std::map<std::string, std::size_t> channels;  // of each stage's rows
@@ -200,7 +200,7 @@ TEST_P(LaraVectors, EveryGradientMatches) {
   for (const std::string which : {"coarse", "fixed", "final"}) {
     const std::string prefix = "cograd." + which + ".";
     const int compared = test::expect_gradients(golden, prefix, gradients(ctx(), golden, which, false));
-    // Nothing but the fine decoder does without a gradient from the coarse primitives.
+    // Without a gradient from the coarse primitives, only the fine decoder has one.
     const int all = static_cast<int>(parameters(golden.config()).size());
     EXPECT_EQ(compared, which == "coarse" ? all - 10 : all) << prefix;
   }
@@ -266,7 +266,7 @@ TEST_P(Lara, FineDecoderInBlocks) {
   }
 }
 
-// Nothing opaque enough: an empty result, not an error.
+// If nothing is opaque enough, the result is empty, and there is no error.
 TEST_P(Lara, NothingKept) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   LaraConfig config = golden.config();

@@ -1,4 +1,4 @@
-// Encoders alone, DINOv3's in timm's and Meta's naming, become models about them.
+// Encoder-only files, DINOv3's in timm's and Meta's naming, become models with that encoder.
 #include <gtest/gtest.h>
 
 #include <algorithm>

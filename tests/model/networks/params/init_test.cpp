@@ -32,7 +32,7 @@ Moments moments_of(const std::vector<float>& x) {
   return m;
 }
 
-// Of all names, shapes and values.
+// Digest of all names, shapes and values.
 std::string digest_of(const Weights& weights) {
   Sha256 hash;
   for (const auto& [name, tensor] : weights.all()) {
@@ -202,7 +202,8 @@ TEST(InitialWeights, SeedsAndTensorsDiffer) {
   EXPECT_EQ(starts.size(), drawn);
 }
 
-// A model that goes on with another number of voxels has the fine places of one made for it, and nothing else changed.
+// A model initialised from one with another number of voxels gets the fine embeddings of its own size; nothing else
+// changes.
 TEST(InitialWeights, PlacesAreScaledFromOneVolumeToAnother) {
   const Config coarse = named_config("micro"), fine = with_fields(coarse, {"volume=8"});
   const Weights before = initial_weights(coarse, 1), wanted = initial_weights(fine, 1);

@@ -1,4 +1,4 @@
-// LaRa's checkpoints become models, and models of several networks are told apart.
+// LaRa's checkpoints become models, and the architectures of models are distinguished.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -81,7 +81,7 @@ TEST(LaraImport, WhatContradictsTheShapesIsRefused) {
   EXPECT_EQ(std::get<LaraModelFile>(import_model(path, options).model).config.revision, "current");
 }
 
-// A file without the field is VS-Splat's, as all were before there was another network.
+// A file without the field is VS-Splat's, as all files were before there was another architecture.
 TEST(Systems, AreToldByTheFile) {
   const TemporaryFolder folder;
   const Config config = named_config("micro");

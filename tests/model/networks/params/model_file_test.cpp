@@ -242,7 +242,7 @@ TEST_F(ModelFileTest, RefusesToSaveWhatItWouldNotLoad) {
 // Damage: an error or an identical result, never a crash.
 class Damage : public ModelFileTest {
  protected:
-  // True where it was refused.
+  // Returns true if the content was refused.
   bool refuses(const std::string& content) {
     const std::string path = folder_.path("damaged.safetensors");
     put_file(path, content);
@@ -285,7 +285,7 @@ TEST_F(Damage, ABitFlippedAnywhere) {
 }
 
 TEST_F(Damage, ABitFlippedInAHeaderWithoutHash) {
-  // Nothing tells that a setting or a harmless word changed. But no tensor comes out with other values than its own.
+  // A changed setting or a harmless word is not detected. But no tensor is read with other values than its own.
   const std::string whole = contents_of(written(draft())), path = folder_.path("x");
   std::uint64_t length = 0;
   std::memcpy(&length, whole.data(), 8);

@@ -24,7 +24,7 @@ class Dinov3 : public test::VectorsTest {};
 VSPLAT_VECTORS(Dinov3, encoder_vectors({"micro", "tiny"}));
 VSPLAT_SLOW_VECTORS(Dinov3, encoder_vectors({"tiny_seed1", "tiny_seed2"}));
 
-// Of [V, T, 3, H, D] what the specification has as [V, H, T, D].
+// Converts from [V, T, 3, H, D] to the specification's [V, H, T, D].
 std::vector<float> part_of(const std::vector<float>& qkv, const Shape& shape, long which) {
   std::vector<float> out;
   const long t = shape[1], h = shape[3], d = shape[4];
@@ -64,7 +64,7 @@ TEST_P(Dinov3, EveryStageAndGradientMatches) {
   const Vit plain(ctx(), sizes, golden.weights());
   expect(ctx().read<float>(plain.forward(ctx(), images)), "normed");
 
-  // The class token and the registers are dropped: nothing comes back to them.
+  // The class token and the registers are dropped, so their gradient is zero.
   const Shape shape = golden.tensor("cotangent.features").shape;
   const auto by_features = golden.floats("cotangent.features");
   const long v = tokens.dim(0), t = tokens.dim(1), c = tokens.dim(2), p = sizes.prefix();

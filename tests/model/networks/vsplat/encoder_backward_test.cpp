@@ -17,7 +17,7 @@ using Row = std::vector<double>;
 
 constexpr long kViews = 2;
 
-// Positions are resampled (3 x 3 from 2 x 2), and what begins as zeros and ones does not stay so.
+// Positions are resampled (3 x 3 from 2 x 2), and parameters that begin as zeros and ones are changed.
 struct Encoders {
   Config config = with_fields(named_config("micro"), {"image=12", "patch=4", "vit_depth=2", "vit_pos_grid=2"});
   Weights weights = initial_weights(config, 5);
@@ -51,7 +51,7 @@ const Encoders& model() {
   return m;
 }
 
-// Of sum(dy * f()) by each of x, by central differences.
+// Derivatives of sum(dy * f()) by each element of x, by central differences.
 Row encoder_differences(Row& x, const std::vector<float>& dy, const std::function<Row()>& f) {
   const auto loss = [&] {
     const Row y = f();
@@ -94,7 +94,7 @@ class EncoderBackward : public test::FlavourTest {
     return ctx().upload({kViews, s, s, 3}, model().images());
   }
 
-  // Gradients are added up: `times` as much as expected. 1e-4 is the project's bound for a stage.
+  // Gradients accumulate: expects `times` the gradient. 1e-4 is the project's tolerance for a stage.
   void check(const std::map<std::string, Row>& want, double times) {
     ASSERT_FALSE(want.empty());
     for (auto [name, values] : want) {

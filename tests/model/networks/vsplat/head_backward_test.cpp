@@ -17,7 +17,7 @@ namespace {
 using test::close;
 using test::close_by_channel;
 
-// Of n Gaussians: coefficients of a loss that is linear in them, or Gaussians.
+// Random values for n Gaussians: coefficients of a loss that is linear in them, or Gaussians.
 ref::GaussianLists random_lists(std::size_t n, std::size_t s, std::uint32_t seed) {
   return {test::random_doubles(3 * n, seed), test::random_doubles(3 * n, seed + 1),
           test::random_doubles(4 * n, seed + 2), test::random_doubles(n, seed + 3, 0.1f, 1),
@@ -154,7 +154,7 @@ TEST_P(HeadBackward, OfFineHeadsAgreesWithDifferences) {
   }
 }
 
-// No voxel selected: nothing is computed and nothing is added.
+// Without selected voxels, nothing is computed and nothing is added.
 TEST_P(HeadBackward, OfFineHeadsWithoutVoxels) {
   const LearntWeights learnt(ctx(), config_, weights_);
   const FineHeads heads(ctx(), config_, learnt);

@@ -15,7 +15,7 @@ namespace {
 
 using test::Golden;
 
-// Of a stage: the root of the mean square of what is off, by that of what it should be.
+// Error of a stage: root mean square error divided by the root mean square of the expected values.
 struct StageBound {
   const char* name;
   double most;
@@ -23,7 +23,7 @@ struct StageBound {
 
 using MixedStages = std::map<std::string, std::vector<float>>;
 
-// With the golden selection: which voxels a threshold lets pass is no continuous thing.
+// Uses the golden selection, because a threshold's selection is not continuous.
 MixedStages run_mixed(Context& ctx, const Golden& golden) {
   const Config& config = golden.config();
   const VsplatModel model(ctx, config, golden.weights());

@@ -29,7 +29,7 @@ class RayPredictorVectors : public test::VectorsTest {};
 VSPLAT_VECTORS(RayPredictorVectors, predictor_vectors({"micro", "tiny"}));
 VSPLAT_SLOW_VECTORS(RayPredictorVectors, predictor_vectors({"tiny_seed1", "tiny_seed2"}));
 
-// Features with the class token before them, of which nothing may depend.
+// Features preceded by the class token, on which nothing may depend.
 std::vector<float> with_class_token(const HostTensor& features, float value) {
   const long v = features.shape[0], patches = features.shape[1] * features.shape[2], c = features.shape[3];
   std::vector<float> out;
@@ -112,7 +112,8 @@ TEST_P(RayPredictorTest, RefusesViewsThatItHasNoCodesFor) {
   }
 }
 
-// Each token is in one window; strangers are tokens as far apart in the picture as a window is wide, or farther.
+// Each token is in one window. Tokens are masked from each other if they are at least a window's width apart in the
+// picture.
 TEST(TokenWindows, AreAsRolledAndCut) {
   for (const auto& [t, splits] : {std::pair{6L, 2L}, {4L, 1L}, {9L, 3L}, {2L, 2L}, {8L, 2L}})
     for (const bool shifted : {false, true}) {

@@ -101,7 +101,7 @@ class RefinementBackward : public test::FlavourTest {
       };
       const double want = (loss(1e-6) - loss(-1e-6)) / 2e-6;
       x = at;
-      // Of terms whose errors are independent, and about 1e-5 of each.
+      // The terms have independent errors of about 1e-5 each.
       EXPECT_NEAR(derivative, want, 1e-4 * std::sqrt(scale)) << name;
       const bool has_one = p > 0 && (config.use_projected || name != "features");
       EXPECT_EQ(scale > 0, has_one) << name;

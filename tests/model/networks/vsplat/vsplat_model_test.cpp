@@ -15,13 +15,13 @@ namespace {
 
 using test::Golden;
 
-// Of a row: SH [N,S,3] are S colours, each coefficient of its own scale; one number is its own row.
+// Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
 std::size_t channels_of(const Shape& shape) {
   if (shape.size() < 2) return 1;
   return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
 }
 
-// A run of the model on a golden file's inputs, with every stage's output kept.
+// A run of the model on a golden file's inputs, with every stage's output recorded.
 struct ModelRun {
   std::map<std::string, std::vector<float>> stages;
   std::map<std::string, std::size_t> channels;  // of each stage's rows
@@ -165,7 +165,7 @@ TEST_P(Model, PlanTellsTheMemoryOfTheRun) {
     return Inputs{on.upload({golden.views(), config.image, config.image, 3}, images),
                   upload_cameras(on, test::golden_cameras(golden))};
   };
-  {  // a slab to measure, as the plan counts it: one that an arena makes of itself is larger than all that micro needs
+  {  // a slab for measuring, as the plan counts it: a slab that an arena makes by itself is larger than micro's total
     const auto planner = run_ctx->planner();
     const Inputs planned = upload(*planner);
     run_ctx->memory().commit(planner->memory());
@@ -177,7 +177,7 @@ TEST_P(Model, PlanTellsTheMemoryOfTheRun) {
   EXPECT_EQ(result.selected, forced);
   EXPECT_EQ(result.final.count(), static_cast<long>(forced.size()) * (config.fine_count + 1));
   EXPECT_EQ(run_ctx->memory().peak(), plan.peak);
-  // What lives in each stage is the plan's to the byte.
+  // The memory used in each stage equals the plan's, to the byte.
   std::map<std::string, std::size_t> planned, taken;
   for (const StageMemory& stage : plan.stages)
     if (stage.stage != "splat") planned[stage.stage] = std::max(planned[stage.stage], stage.peak_live);

@@ -83,7 +83,7 @@ TEST_P(Attention, RejectsBadShape) {
   EXPECT_THROW(attention_forward(ctx(), a), Error);
 }
 
-// What the backward kernels are held against is itself held against differences of what the forward ones are.
+// The reference for the backward kernels is itself checked against differences of the forward reference.
 TEST(AttentionReference, GradientsAreThoseOfDifferences) {
   for (const auto& [v, t, h, d] : {std::array<long, 4>{1, 2, 1, 1}, {2, 5, 2, 3}, {1, 7, 1, 4}}) {
     const auto doubles = [](const std::vector<float>& values) {
@@ -124,7 +124,7 @@ class AttentionGradient : public test::FlavourTest {
     return ctx().read<float>(b.dqkv);
   }
 
-  // q, k and v by themselves: the gradient by v may be many times the others.
+  // q, k and v separately: the gradient by v may be many times the others.
   static std::vector<double> part(const std::vector<double>& all, long which, long row) {
     std::vector<double> out;
     for (std::size_t i = 0; i < all.size(); ++i)
@@ -183,13 +183,13 @@ TEST_P(AttentionGradient, EveryHeadDimension) {
   check(1, 33, 1, 70);
 }
 
-// Where one key takes nearly all of a query, what is left of the gradient is a difference of nearly equal numbers.
+// If one key takes nearly all of a query's weight, the rest of the gradient is a difference of nearly equal numbers.
 TEST_P(AttentionGradient, LargeScores) {
   check(1, 140, 2, 8, 20.0f);
   check(1, 50, 1, 6, 100.0f);
 }
 
-// All scores far below zero: a key that only fills its panel would have the largest, and 2^128 of it is no number.
+// All scores are far below zero: a padding key would have the largest score, and 2^128 of it is not finite.
 TEST_P(AttentionGradient, ScoresFarBelowZero) {
   const long t = 157, d = 8;
   auto qkv = test::random_floats(static_cast<std::size_t>(t * 3 * d), 6);

@@ -198,7 +198,7 @@ TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
   EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), tolerance()));
 }
 
-// Of Winograd's method a quarter, where its tiles of 4 x 4 lines fill the volume.
+// Winograd's method performs a quarter of the operations if its tiles of 4 x 4 lines fill the volume.
 TEST_P(Conv3dTest, ProfilesTellTheDirectOperationsAndThosePerformed) {
   const ref::ConvCase c = make_conv_case({{8, 4, 12}, 16, 32});
   const auto d = upload(ctx(), c);

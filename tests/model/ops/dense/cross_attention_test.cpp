@@ -112,7 +112,8 @@ TEST_P(CrossAttention, ManyGroups) {
   EXPECT_EQ(ctx().read<float>(in_.out), got);
 }
 
-// As the ray predictor's windows: each key in several groups, in another place each time, and strangers among them.
+// As in the ray predictor's windows: each key is in several groups, at a different position each time, and some are
+// masked.
 TEST_P(CrossAttention, KeysOfSeveralGroupsAndStrangers) {
   for (const auto& [groups, l, keys, each, width] :
        {std::array<long, 5>{3, 2, 4, 2, 3}, {4, 7, 13, 3, 17}, {2, 3, 5, 2, 16}, {5, 1, 3, 4, 8}}) {

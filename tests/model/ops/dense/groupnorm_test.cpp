@@ -225,7 +225,7 @@ VSPLAT_FLAVOURS(GroupNormGradient);
 TEST_P(GroupNormGradient, MatchesReferenceAtEverySizeThatBreaksThings) {
   for (const long n : {1L, 3L, 7L, 8L, 9L, 31L, 33L, 101L, 517L}) {
     for (const auto& [c, g] : {std::pair{6L, 1}, {6L, 3}, {16L, 4}, {17L, 1}, {66L, 11}}) {
-      // Of two numbers nothing is left but rounding: all their gradient is along their mean and their difference.
+      // With two numbers only rounding is left: the whole gradient is along their mean and their difference.
       if (n * c / g > 2) check(make(n, c, 0, g));
     }
   }
@@ -239,7 +239,7 @@ TEST_P(GroupNormGradient, TwoSourcesWithAGroupAcrossBoth) {
   }
 }
 
-// Of one number, or of two, the output does not depend on them but through eps.
+// With one or two numbers, the output depends on them only through eps.
 TEST_P(GroupNormGradient, FewerNumbersThanDegreesOfFreedomHaveNoGradient) {
   for (const auto& [n, c] : {std::pair{1L, 2L}, {2L, 2L}}) {
     const Problem p = make(n, c, 0, static_cast<int>(n));

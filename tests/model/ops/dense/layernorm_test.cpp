@@ -84,7 +84,7 @@ TEST_P(LayerNorm, ModulatesEachTokenAndDropsTheFirst) {
   }
 }
 
-// What the backward kernels are held against is itself held against differences of what the forward ones are.
+// The reference for the backward kernels is itself checked against differences of the forward reference.
 TEST(LayerNormReference, GradientsAreThoseOfDifferences) {
   for (const std::size_t c : {1U, 2U, 7U, 24U}) {
     const auto doubles = [](const std::vector<float>& v) { return std::vector<double>(v.begin(), v.end()); };

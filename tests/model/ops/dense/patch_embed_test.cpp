@@ -68,7 +68,7 @@ TEST_P(PatchEmbed, RejectsBadShape) {
   EXPECT_THROW(patch_embed_forward(ctx(), a), Error);
 }
 
-// What the backward kernels are held against is itself held against differences of what the forward ones are.
+// The reference for the backward kernels is itself checked against differences of the forward reference.
 TEST(PatchEmbedReference, GradientsAreThoseOfDifferences) {
   const ref::PatchSizes z{2, 4, 6, 2, 3};
   const std::size_t c = 3;

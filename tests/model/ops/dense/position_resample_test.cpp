@@ -53,7 +53,7 @@ TEST_P(PositionResample, RejectsBadShape) {
   EXPECT_THROW(position_resample_forward(ctx(), a), Error);
 }
 
-// What the backward kernel is held against is itself held against differences of what the forward one is.
+// The reference for the backward kernel is itself checked against differences of the forward reference.
 TEST(PositionResampleReference, GradientsAreThoseOfDifferences) {
   for (const auto& [g, t] : {std::pair<std::size_t, std::size_t>{1, 3}, {3, 2}, {2, 5}, {5, 2}}) {
     const std::size_t c = 2;

@@ -17,8 +17,8 @@ namespace {
 double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 float logit(double p) { return static_cast<float>(std::log(p / (1 - p))); }
 
-constexpr float kUnused = 7;  // in rows of the capacity that nobody uses
-constexpr float kGone = -20;  // the logit of one that moves
+constexpr float kUnused = 7;  // fills the unused rows of the capacity
+constexpr float kGone = -20;  // the logit of a Gaussian that is relocated
 constexpr double kLeast = 0.005;
 constexpr double kMost = 1.0f - 1e-6f;
 
@@ -39,8 +39,8 @@ bool operator==(const State& a, const State& b) { return a.x == b.x && a.m == b.
 
 class SplatRelocateOp : public test::FlavourTest {
  protected:
-  // Of the given logits, with room for `capacity`. The first coordinate of each mean is the Gaussian's index, by which
-  // its copies are known.
+  // A state with the given logits and space for `capacity` Gaussians. The first coordinate of each mean is the
+  // Gaussian's index, which identifies its copies.
   static State state_of(const std::vector<float>& logits, std::size_t capacity, std::size_t s = 4) {
     const auto rows = [&](std::uint32_t seed) {
       const auto random = [&](std::size_t each) {
@@ -66,7 +66,7 @@ class SplatRelocateOp : public test::FlavourTest {
             ctx().read<float>(x.logits), ctx().read<float>(x.sh)};
   }
 
-  // Of `state`, in place. Returns how many there are.
+  // Relocates the Gaussians of `state` in place. Returns their number.
   long relocate(State& state, long count, long grow_to, std::uint64_t seed = 3, std::uint32_t draw = 5) {
     const SplatRelocate a{{upload(state.x), upload(state.m), upload(state.v)}, count, grow_to, seed, draw};
     const long got = splat_relocate(ctx(), a);
@@ -275,7 +275,7 @@ TEST_P(SplatRelocateOp, ChangesNothingWhereThereIsNothingToDo) {
   EXPECT_TRUE(after == all_seen);
 }
 
-// Of one wide Gaussian: alpha in its middle, and the sum along a line through it, which is what equation 9 keeps (but
+// For one wide Gaussian: alpha at its centre, and the sum along a line through it, which equation 9 preserves (except
 // for the tails below 1/255, which are not drawn).
 TEST_P(SplatRelocateOp, NEqualOnesLookAsOneDid) {
   const test::SceneCase c{"", 1, 0, 65, 65, ""};

@@ -206,7 +206,7 @@ TEST(Decode, CoarseBackwardMatchesReference) {
   }
 }
 
-// Of points, which are their means: a Gaussian of a voxel eight times as large without its offset; in some of the rows.
+// For points, which are the means: a Gaussian of a voxel eight times as large without its offset; in some of the rows.
 TEST(Decode, PointsAndTheirBackwardMatchReference) {
   Context& ctx = test::context(Flavour::cpu);
   for (const auto& [p, s, row0] : {std::tuple{1L, 1L, 0L}, {7L, 4L, 2L}, {65L, 4L, 5L}, {3L, 9L, 0L}}) {

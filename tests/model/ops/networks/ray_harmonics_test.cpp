@@ -10,7 +10,7 @@ namespace {
 class RayHarmonics : public test::FlavourTest {};
 VSPLAT_FLAVOURS(RayHarmonics);
 
-// Of any length: predicted rays are not normalised.
+// Directions of any length, because predicted rays are not normalised.
 TEST_P(RayHarmonics, MatchesReferenceAndItsDifferences) {
   for (const long r : {1L, 3L, 7L, 63L, 64L, 65L, 211L}) {
     const auto count = static_cast<std::size_t>(r);

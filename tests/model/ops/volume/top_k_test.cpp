@@ -32,7 +32,7 @@ TEST_P(TopKTest, MatchesReference) {
       check(test::random_floats(n, 3), static_cast<long>(k));
 }
 
-// Of equal numbers those that come first; infinities and numbers of either sign are ordered as they should be.
+// Among equal numbers the first ones are chosen; infinities and numbers of either sign are ordered correctly.
 TEST_P(TopKTest, EqualNumbersInTheirOrder) {
   std::vector<float> x(500);
   for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<float>(i * 7 % 5) - 2;
