@@ -89,8 +89,7 @@ TEST(Room, APointOfAWallLooksTheSameFromEverywhere) {
   Random random(4, 0, draw_stream);
   for (int i = 0; i < 200; ++i) {
     const Vector3d at(1.5, random.uniform(-2, 2), random.uniform(-3, 3));  // on the wall of +x, in the box's axes
-    const double t = 0.6 * at.y() / 4 - 0.3 * at.z() / 6;                  // (u, v) minus the centre, along the
-                                                                           // gradient
+    const double t = 0.6 * at.y() / 4 - 0.3 * at.z() / 6;                  // centred (u, v), along the gradient
     const Vector3f& end = room.walls[1].colours[t < 0 ? 0 : 2];
     const auto share = static_cast<float>(std::abs(2 * t));
     for (const Vector3d& from : {Vector3d(0, 0, 0), Vector3d(0.4, -0.3, 0.2), Vector3d(-0.5, 0.1, 2)}) {

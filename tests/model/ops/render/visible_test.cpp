@@ -83,7 +83,7 @@ TEST_P(VisibleOp, MatchesReference) {
   }
 }
 
-// Tiles are counted in 64 bits.
+// Tiles are counted with 64 bits.
 TEST_P(VisibleOp, CountsBeyond32Bits) {
   const long k = 3000;
   Culled culled = make_culled(ctx(), k);
