@@ -82,7 +82,7 @@ if [ $with_tests = yes ]; then
   done
 fi
 
-# ldd has all libraries with what those need in turn; what it does not find is told by name.
+# ldd lists all libraries with their dependencies; missing ones are reported by name.
 LD_LIBRARY_PATH=$(dirname "$library")${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} ldd "$@" >"$work/needed"
 missing=$(awk '/not found/ { print $1 }' "$work/needed" | sort -u | tr '\n' ' ')
 [ -z "$missing" ] || fail "libraries that are not found here: $missing"

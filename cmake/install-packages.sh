@@ -31,7 +31,7 @@ if [ "$list" = yes ]; then
   exit 0
 fi
 
-# Of the packages named those that are not installed.
+# Prints those of the named packages that are not installed.
 missing_of() {
   for package in "$@"; do
     state=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) || state=
