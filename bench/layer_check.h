@@ -136,7 +136,7 @@ class ModelCheck {
   // The coarse Gaussian of selected voxel `p`.
   double coarse(const char* part, long p, long i, long each) const;
   void check_refined();
-  // Of the selected voxels alone; 1x1x1 where the weights are.
+  // Among the selected voxels alone; 1x1x1 if the weights are.
   void check_sparse(const Layers& layers, const std::string& name, const ref::Rows& in, const Floats& out,
                     const Floats& residual);
   // Fine Gaussians, voxel by voxel, then the corrected coarse ones.

@@ -30,8 +30,8 @@ struct FramedObject {
 FramedObject frame_object(const DataObject& object, const FrameRequest& request,
                           std::vector<std::string>* skipped = nullptr);
 
-// A warning where the masks of most of `count` of its views seem to be inverted. Views that cannot be read are passed
-// over: whoever uses them tells of them.
+// A warning where the masks of most of `count` of its views seem to be inverted. Views that cannot be read are
+// skipped here; their user reports them.
 void warn_of_inverted_masks(const FramedObject& object, int count);
 
 // [S][S][4], straight alpha, 8 bits: nothing is lost of 8-bit pictures in the network's size.

@@ -139,8 +139,8 @@ void MeshReader::take_texture(Unpacker& in) {
       texture_of(*open_picture({where, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()}));
 }
 
-// Of a file that the mesh names and that is not there (materials, buffers): one of the same name in another case, or by
-// the end of its path. "" for none.
+// A stand-in for a missing file that the mesh names (materials, buffers): one of the same name in another case, or one
+// found by the end of its path. "" if there is none.
 std::string MeshReader::other_place(const std::string& name) {
   std::string listed = name;
   if (const std::string beside = (folder_ / "").string(); listed.starts_with(beside)) listed.erase(0, beside.size());

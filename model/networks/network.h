@@ -63,7 +63,7 @@ class Network {
     DeviceGaussians coarse, final;  // `final` is empty if there is one level or ForwardOptions::fine is false
     long selected = 0;
     Tensor rays;                   // as Result has them
-    std::shared_ptr<State> state;  // backward takes it apart as it goes
+    std::shared_ptr<State> state;  // backward frees its parts as it goes
   };
   virtual Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                      const ForwardOptions& options, bool recompute) const = 0;

@@ -40,7 +40,7 @@ Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
 
 namespace {
 
-// Of a part of the picture, which is drawn. `twists`: of project_backward().
+// The gradients of one tile of the picture, which has been drawn. `twists`: project_backward()'s pose gradients.
 void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                    const Projected& projected, const Binned& binned, const DevicePicture& picture,
                    const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists) {

@@ -52,9 +52,10 @@ struct TrainConfig {
   double cube_min = 1, cube_max = 1;
   // Shares of the objects that are mirrored, and that have permuted colour channels, drawn for each: 0 to 1.
   double mirror = 0, shuffle_channels = 0;
-  double rooms = 0;  // so much of the objects are in a room (data/interior.h), as where users mask nothing; 0 to 1
-  // Deviation of the noise on the poses that the network is told of input views but the first, drawn anew for each
-  // object and step (base/pose_noise.h): radians, and edges of the cube. What is drawn and compared knows none.
+  // The share of objects inside a box with walls (data/interior.h), like photographs without masks: 0 to 1.
+  double rooms = 0;
+  // Deviation of the noise on the poses that the network receives for all input views but the first, drawn for each
+  // object and step (base/pose_noise.h): radians, and edges of the cube. Targets have accurate poses.
   double pose_noise = 0;
   // share of the objects that are generated during training instead of read from the data set; 0 to 1
   double procedural = 0;

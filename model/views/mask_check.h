@@ -14,8 +14,8 @@ struct MaskShares {
 };
 MaskShares mask_shares(PixelRows& mask);
 
-// Of the masks (or alpha channels) of the views that are used: a warning where most have the object along the border
-// and the background inside, as inverted masks do. `set`: what messages begin with.
+// Warns if most masks (or alpha channels) of the used views show the object along the border and the background inside,
+// as inverted masks do. `set`: the beginning of the message.
 void warn_of_inverted_masks(const std::string& set, std::span<const MaskShares> masks);
 
 // The same, and Error(input) where nothing is the object in any of them. Where fewer have a mask than `views` that are

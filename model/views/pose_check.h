@@ -16,7 +16,7 @@ std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Ei
 // of, more than half of them; it names the swap of conventions that would put it in all their pictures, if one does.
 // `force`: a warning instead, as for fewer of them; without a value the caller's own caller has no such choice. A
 // centre that was estimated from the cameras moves with a swap: then it is where the swapped axes meet, and a warning
-// tells of a swap after which the axes of three cameras or more meet far better.
+// names a swap after which the axes of three cameras or more meet far better.
 void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const ChosenPlacement& chosen,
                           std::optional<bool> force = {});
 

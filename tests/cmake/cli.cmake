@@ -88,6 +88,11 @@ set_tests_properties(cli_weights_scripts PROPERTIES LABELS cli TIMEOUT ${test_se
 add_test(NAME pairs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/pairs_test.py)
 set_tests_properties(pairs PROPERTIES LABELS unit TIMEOUT 60 ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
 
+# Plain words, and what each folder may include.
+add_test(NAME words COMMAND Python3::Interpreter ${PROJECT_SOURCE_DIR}/.ci/check-words)
+add_test(NAME layers COMMAND Python3::Interpreter ${PROJECT_SOURCE_DIR}/.ci/check-layers)
+set_tests_properties(words layers PROPERTIES LABELS unit TIMEOUT 60)
+
 # The numbers of an evaluation, by the PyTorch specification where PyTorch is there.
 add_test(NAME evaluate_numbers COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh check_evaluate.py)
 set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 COST 200 SKIP_RETURN_CODE 77

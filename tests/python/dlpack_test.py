@@ -281,7 +281,7 @@ class OnTheDevice(unittest.TestCase):
         self.assertIsNone(gone())
         unused = self.buffer([1])
         gone = weakref.ref(unused)
-        unused.__dlpack__()  # nobody takes it
+        unused.__dlpack__()  # is never consumed
         del unused
         gc.collect()
         self.assertIsNone(gone())

@@ -160,7 +160,7 @@ FoundFile mask_in(const fs::path& masks, ListedFiles& where, const std::string& 
   return found.path.empty() ? where.find(name + ".png") : found;
 }
 
-// Of a list that names no masks. Where the folder has those of some pictures, the others' are missing.
+// Takes the masks of a list that names none. If the folder has masks of some pictures, those of the others are missing.
 void take_masks_of(ViewSet& set, const fs::path& masks, bool tell, Roots& roots) {
   ListedFiles where({masks});
   std::vector<FoundFile> files;

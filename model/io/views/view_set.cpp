@@ -82,7 +82,7 @@ ViewSet read_views(const fs::path& given, const ReadOptions& options) {
     fail(Status::file, "{}: no such folder of pictures", options.pictures_dir.string());
   const fs::path path = given == "-" ? fs::path("/dev/stdin") : given;
   ViewSet set = read_view_list(path, options);
-  // Who writes a list into a pipe has its files here: /dev has none.
+  // The files of a list from a pipe lie in the current folder, not in /dev.
   if (given == "-" || path.parent_path() == "/dev" || path.parent_path() == "/dev/fd") set.source = "-";
   Roots roots;
   std::error_code error;

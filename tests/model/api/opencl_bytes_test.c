@@ -1,4 +1,4 @@
-/* vsplat_opencl_picture.rgba: bytes drawn into a program's buffer or image, held against vsplat_render's, and what is
+/* vsplat_opencl_picture.rgba: bytes drawn into a program's buffer or image, compared with vsplat_render's, and what is
    refused. Prints every check that does not hold; exits 1 if any did. */
 #include <stdlib.h>
 #include <string.h>

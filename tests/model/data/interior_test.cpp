@@ -1,4 +1,4 @@
-// Rooms about objects: which wall is seen where, and what of a view they change.
+// Walls about objects: which wall is seen where, and how they change a view.
 #include "model/data/interior.h"
 
 #include <gtest/gtest.h>

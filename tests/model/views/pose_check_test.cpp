@@ -100,7 +100,7 @@ TEST(PoseCheck, NamesTheSwapOfAnEstimatedCube) {
                    [&] { check_centre_is_seen(inverted, PoseConvention::opencv_w2c, estimated(inverted)); });
       expect_error(Status::input, {"do not meet before them", "OpenGL axes (y up, -z forward) where"},
                    [&] { check_centre_is_seen(other_axes, PoseConvention::opencv_w2c, estimated(other_axes)); });
-      // Of a transforms.json: world-to-camera where camera-to-world is expected.
+      // In a transforms.json: world-to-camera where camera-to-world is expected.
       const auto in_json =
           changed(right, [](const auto& w2c) -> Eigen::Matrix4d { return (flip * w2c * flip).inverse(); });
       EXPECT_NE(poses_that_meet(in_json, PoseConvention::opengl_c2w).find("world-to-camera matrices (w2c) where"),

@@ -35,7 +35,7 @@ class Device : public DeviceHandle {
     check(vsplat_device_get_info(get(), &out));
     return out;
   }
-  // Of the same device, for another thread.
+  // A stream of the same device, for another thread.
   Device stream() const {
     vsplat_device out = nullptr;
     check(vsplat_stream_create(get(), &out));
@@ -104,7 +104,7 @@ class Model : public ModelHandle {
     check(vsplat_model_load(path.c_str(), &out));
     return Model(out);
   }
-  // Of a model file's bytes.
+  // From the bytes of a model file.
   static Model load(Span<const unsigned char> bytes) {
     vsplat_model out = nullptr;
     check(vsplat_model_load_memory(bytes.data(), bytes.size(), &out));
@@ -116,7 +116,7 @@ class Model : public ModelHandle {
     check(vsplat_model_load(nullptr, &out));
     return Model(out);
   }
-  // Of a PyTorch checkpoint; `told`, where it is given, becomes what vsplat_model_import tells as JSON.
+  // From a PyTorch checkpoint. `told`, if given, becomes the JSON report of vsplat_model_import.
   static Model imported(const std::string& path, const vsplat_import_options& options, std::string* told = nullptr) {
     vsplat_model out = nullptr;
     char* out_text = nullptr;

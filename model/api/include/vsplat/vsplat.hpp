@@ -327,7 +327,7 @@ inline void prepare(const Device& device, const Model& model,
 struct Picture {
   int width = 0, height = 0;
   std::vector<float> colour, alpha, depth;  // [height][width][3], [height][width], [height][width]
-  // Of add_surfaces(), as vsplat_picture has them; `normal` is [height][width][3], the others are [height][width].
+  // vsplat_picture's surface maps, after add_surfaces(): `normal` [height][width][3], the others [height][width].
   std::vector<float> expected, median, normal;
   std::vector<int32_t> ids;
 
@@ -337,7 +337,7 @@ struct Picture {
     alpha.resize(pixels());
     depth.resize(pixels());
   }
-  // Room for where surfaces are, to be drawn, too. Surfels have no ids.
+  // Also draws the surface maps below. Surfels have no ids.
   Picture& add_surfaces(bool with_ids = true) {
     expected.resize(pixels());
     median.resize(pixels());

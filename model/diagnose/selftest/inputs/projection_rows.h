@@ -90,7 +90,7 @@ inline ProjectionRows surfel_rows(const Gaussians& g, const Camera& cam, const r
     if (std::abs(s.facing) < 0.1 || std::hypot(r[10], r[11]) > 50 || s.colour.minCoeff() < 0.05) continue;
     p.ids.push_back(static_cast<std::uint32_t>(k));
     for (const double v : r) p.records.push_back(static_cast<float>(v));
-    // Of the size that pictures make them: distances are of the size of 1 / m.
+    // As large as pictures make them: distances are of the size of 1 / m.
     const double reach = 1 / std::sqrt(r[4] * r[4] + r[5] * r[5] + r[6] * r[6] + r[7] * r[7]);
     std::vector<double> row;
     for (const double size : {1.0, 1.0, 1.0, 1.0, reach, reach, reach, reach, reach, reach,
