@@ -13,7 +13,7 @@ def library_literals():
     """-> (file and line, text) of every string in the library's sources"""
     for folder in ("model", "runtime"):
         for path in sorted(glob.glob(os.path.join(ROOT, folder, "**", "*.*"), recursive=True)):
-            if not path.endswith((".cpp", ".h")):
+            if not path.endswith((".cpp", ".h")) or os.path.join("model", "cli", "") in path:  # the command, which is no library
                 continue
             text = re.sub(r'"\s*\n\s*"', "", open(path).read())
             for number, line in enumerate(text.split("\n"), 1):
