@@ -211,16 +211,21 @@ FoundFile ListedFiles::find(const std::string& name) {
 std::string ListedFiles::where_looked(const std::string& name) {
   std::vector<std::string> places, near;
   std::error_code error;
+  std::string other;  // something of that name which cannot be read as a file
   const std::string file = fs::path(slashed(name)).filename().string();
   for (const fs::path& folder : folders_) {
     if (!fs::is_directory(folder.empty() ? "." : folder, error)) continue;
     places.push_back(printable(folder.empty() ? "." : folder.string()));
+    if (const fs::path there = folder / fs::path(slashed(name)).relative_path();
+        !name.empty() && fs::exists(there, error) && !fs::is_regular_file(there, error))
+      other = printable(there.string());
     for (std::string& path : near_names(folder.empty() ? "." : folder, file))
       if (near.size() < 3 && std::find(near.begin(), near.end(), path) == near.end()) near.push_back(std::move(path));
   }
   std::string out =
       fmt::format("looked for {} in {}, there also by the end of its path, with other endings and in other case",
                   printable(name), places.empty() ? "no folder" : fmt::format("{}", fmt::join(places, " and ")));
+  if (!other.empty()) out += fmt::format("; {} is not a regular file", other);
   if (!near.empty()) out += fmt::format("; near it: {}", fmt::join(near, ", "));
   return out;
 }
