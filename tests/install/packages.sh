@@ -106,7 +106,7 @@ dpkg -L libvsplat1 libvsplat1-data libvsplat-dev vsplat | sort -u >/try/ours
 vsplat dataset render mesh.obj --output set --views 1 --size 16 --quiet
 if vsplat weights verify >weights 2>&1; then cat weights; else grep -q "without" weights; fi
 for file in man/man1/vsplat.1 man/man1/vsplat-reconstruct.1 bash-completion/completions/vsplat zsh/site-functions/_vsplat \
-  fish/vendor_completions.d/vsplat.fish vsplat/python/vsplat.py doc/libvsplat1/copyright doc/vsplat/CREDITS.md; do
+  fish/vendor_completions.d/vsplat.fish vsplat/python/vsplat/__init__.py doc/libvsplat1/copyright doc/vsplat/CREDITS.md; do
   [ -s "/usr/share/$file" ] || { echo "/usr/share/$file is missing"; exit 1; }
 done
 

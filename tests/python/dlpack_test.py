@@ -98,7 +98,7 @@ class OnTheHost(unittest.TestCase):
         values = np.arange(12, dtype=np.float32)
         for shape, strides in (((4, 3), None), ((4, 3), (3, 1)), ((1, 12), (77, 1))):
             tensor = Foreign(values.ctypes.data, shape, strides)
-            taken = vsplat._array(tensor, shape, "x")
+            taken = vsplat._dlpack._array(tensor, shape, "x")
             self.assertEqual(taken.ctypes.data, values.ctypes.data)
             self.assertTrue(tensor.is_used)
             self.assertEqual(tensor.deleted, 0)
@@ -110,11 +110,11 @@ class OnTheHost(unittest.TestCase):
             gc.collect()
             self.assertEqual(tensor.deleted, 1)
         turned = Foreign(values.ctypes.data, (2, 3), (1, 4), offset=8)
-        np.testing.assert_array_equal(vsplat._array(turned.capsule, (2, 3), "x"), [[2, 6, 10], [3, 7, 11]])
+        np.testing.assert_array_equal(vsplat._dlpack._array(turned.capsule, (2, 3), "x"), [[2, 6, 10], [3, 7, 11]])
         self.assertEqual(turned.deleted, 1)  # it had to be copied
         half = np.arange(6, dtype=np.float16)
-        np.testing.assert_array_equal(vsplat._array(Foreign(half.ctypes.data, (6,), bits=16), (6,), "x"), np.arange(6))
-        self.assertEqual(vsplat._array(Foreign(None, (0, 3)), (0, 3), "x").shape, (0, 3))
+        np.testing.assert_array_equal(vsplat._dlpack._array(Foreign(half.ctypes.data, (6,), bits=16), (6,), "x"), np.arange(6))
+        self.assertEqual(vsplat._dlpack._array(Foreign(None, (0, 3)), (0, 3), "x").shape, (0, 3))
 
     def test_refuses_in_words_and_takes_nothing(self):
         at = np.zeros(64).ctypes.data
@@ -180,7 +180,7 @@ class OnTheHost(unittest.TestCase):
         self.assertEqual(torch.from_dlpack(picture).data_ptr(), picture.colour.ctypes.data)
         self.assertEqual(torch.from_dlpack(picture.alpha).data_ptr(), picture.alpha.ctypes.data)
         values = {name: torch.tensor(a, dtype=torch.float32) for name, a in gaussians().items()}
-        self.assertEqual(vsplat._array(values["means"], (COUNT, 3), "means").ctypes.data, values["means"].data_ptr())
+        self.assertEqual(vsplat._dlpack._array(values["means"], (COUNT, 3), "means").ctypes.data, values["means"].data_ptr())
         np.testing.assert_array_equal(self.device.render(vsplat.Scene.from_arrays(**values), camera()).colour, picture.colour)
         turned = {**values, "means": values["means"].T.contiguous().T, "sh": values["sh"].double()}
         np.testing.assert_array_equal(self.device.render(vsplat.Scene.from_arrays(**turned), camera()).colour, picture.colour)

@@ -285,7 +285,7 @@ class Module(unittest.TestCase):
         info = flat._info()
         info.surfels = 1
         handle = c.c_void_p()
-        vsplat._call("scene_create", c.byref(info), c.byref(flat.arrays()._struct(20)), c.byref(handle))
+        vsplat._c._call("scene_create", c.byref(info), c.byref(flat.arrays()._struct(20)), c.byref(handle))
         surfels = vsplat.Scene(handle)
         drawn = self.device.render(surfels, camera(), also=("median", "normal"))
         self.assertGreater(np.linalg.norm(drawn.normal, axis=2).max(), 0.5)
