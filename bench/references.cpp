@@ -45,7 +45,7 @@ class Module {
     if (std::error_code problem; !std::filesystem::exists(file, problem)) {
       why_ =
           "without OpenBLAS and oneDNN: this program was built without them (install libopenblas-dev and "
-          "libdnnl-dev, and configure anew) or is not where it was built";
+          "libdnnl-dev, and configure again) or is not where it was built";
       return;
     }
     // What waits for its next turn is not to take a core from whoever has this one.

@@ -1,7 +1,7 @@
 # What continuous integration and the sanitizers build with (`tests/run.sh --strict`, `--asan`): a clean build takes half of the
 # processor's time.
 #   vsplat_precompile(TARGET <header>...)  system headers that most sources of a target include, parsed once. None of ours is among
-#                                          them, since a change of it would compile everything anew.
+#                                          them, since everything would be compiled again after a change of it.
 #   vsplat_precompile_as(TARGET OTHER)     those of OTHER, which is compiled with the same options
 #   vsplat_optimize(TARGET LEVEL)          not by -O3: tests and the command compute little of their own
 #   vsplat_together(TARGET FOLDERS <folder>... [ALONE <source>...])

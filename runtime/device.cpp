@@ -203,7 +203,7 @@ void refuse_after_fork() {
   if (is_forked())
     fail(Status::device,
          "process {} has forked after it had used OpenCL, and its drivers do not live on in the child: fork before, or "
-         "start a program anew there",
+         "start a program again there",
          static_cast<int>(first_user));
 }
 

@@ -100,7 +100,7 @@ Finding not_loaded(const Looked& looked, const LookedDriver& driver) {
   if (missing == library) {
     const std::vector<std::string> there = installed_libraries(fs::path(library).filename().string());
     return {"library_missing", name, fmt::format("{} names the library {}, which is not there", name, quoted(library)),
-            there.empty() ? fmt::format("install the driver's package anew, or {}", without(driver.entry))
+            there.empty() ? fmt::format("install the driver's package again, or {}", without(driver.entry))
                           : fmt::format("it is at {0}: write that line into {1}, or add {2} to LD_LIBRARY_PATH",
                                         there.front(), name, fs::path(there.front()).parent_path().string())};
   }
@@ -108,7 +108,7 @@ Finding not_loaded(const Looked& looked, const LookedDriver& driver) {
     return {
         "library_broken", name,
         fmt::format("{} names the library {}, which cannot be loaded: {}", name, quoted(library), error),
-        fmt::format("install the driver's package anew, of this system and processor, or {}", without(driver.entry))};
+        fmt::format("install the driver's package again, of this system and processor, or {}", without(driver.entry))};
   const std::vector<std::string> there = installed_libraries(fs::path(missing).filename().string());
   return {
       "dependency_missing", name,
@@ -200,7 +200,7 @@ void look_at_files(const Looked& looked, Findings& out) {
     for (const DeviceFile& file : *all) {
       if (file.problem.empty()) continue;
       const std::string group = file.group.empty() || file.group == "root" ? "render" : file.group;
-      std::string mend = fmt::format("`sudo usermod -aG {} $USER` and log in anew", group);
+      std::string mend = fmt::format("`sudo usermod -aG {} $USER` and log in again", group);
       if (all == &files.nvidia) mend = fmt::format("`sudo chmod a+rw {}` (the driver's usual mode)", file.path);
       if (files.container)
         mend += all == &files.nvidia
@@ -306,7 +306,7 @@ void look_at_caches(const Looked& looked, Findings& out) {
           {"damaged_kernel", file.path,
            fmt::format("{}: a kernel that PoCL keeps compiled is damaged ({}), and programs that load it crash",
                        file.path, file.what),
-           fmt::format("`rm -r {}`: PoCL compiles anew; vsplat removes such a file itself before it computes",
+           fmt::format("`rm -r {}`: PoCL compiles again; vsplat removes such a file itself before it computes",
                        file.path)});
   }
 }

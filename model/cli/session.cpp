@@ -60,7 +60,7 @@ Session::Session(const Common& common, Devices most) : common_(common) {
     if (info.platform_name == std::string("Portable Computing Language"))
       vsplat::sys::tell_of_faults(
           "vsplat: a fault of PoCL's or of its own ends it. PoCL's compiled kernels may be damaged: `rm -r " +
-          vsplat::pocl_cache().path + "` clears them, and they are compiled anew\n");
+          vsplat::pocl_cache().path + "` clears them, and they are compiled again\n");
     for (std::size_t i = 0; i + 1 < devices_.size(); ++i)
       if (devices_[i].info().index == info.index)
         throw UsageError("--device " + common.device + " names device " + std::to_string(info.index) + " twice");

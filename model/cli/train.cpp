@@ -281,7 +281,7 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
       ->type_name("MODEL.safetensors");
   sub->add_option("--pose-noise", o->pose_noise,
-                  "Deviation of the noise on input views' poses, drawn anew for each object, instead of the "
+                  "Deviation of the noise on input views' poses, drawn for each object, instead of the "
                   "configuration's pose_noise")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SIGMA");

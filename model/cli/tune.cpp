@@ -45,7 +45,7 @@ void print_tuned(const Json& told) {
     if (one["times_as_fast"].is_number())
       std::printf("%5.2f times as fast\n", one["times_as_fast"].get<double>());
     else
-      std::printf("as before, not timed anew\n");
+      std::printf("as before, not timed again\n");
   }
   for (const Json& one : told["refused"]) {
     const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
@@ -107,7 +107,7 @@ void add_tune(CLI::App& app, Run& run) {
   sub->add_option("--seconds", o->seconds, "After which --quick begins nothing more (default: 50)")
       ->check(positive())
       ->type_name("S");
-  sub->add_flag("--again", o->again, "Try what was tried before anew, too");
+  sub->add_flag("--again", o->again, "Also try again what was tried before");
   sub->add_option("--model", o->model, "Whose sizes are tuned for (default: the model inside)")
       ->type_name("MODEL.safetensors");
   sub->add_option("--for", o->jobs, "Whose sizes: of reconstruct,render,refine,train (default: reconstruct,render)")

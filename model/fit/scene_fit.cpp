@@ -122,7 +122,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (from && !request.resume)
     fail(Status::usage,
          "{}: there is the state of a refinement already; vsplat_refine_options.resume goes on with it, another folder "
-         "begins anew",
+         "begins again",
          fit_checkpoint_path(request.checkpoint));
   warn_of_background();
   if (from)

@@ -203,7 +203,7 @@ std::optional<Checkpoint> newest_checkpoint(const std::string& folder) {
     }
   }
   if (!found.empty())
-    fail(Status::format, "{}: none of its {} checkpoints is whole; to begin anew, remove them or train elsewhere",
+    fail(Status::format, "{}: none of its {} checkpoints is whole; to begin again, remove them or train elsewhere",
          folder, found.size());
   return std::nullopt;
 }

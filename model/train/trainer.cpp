@@ -55,8 +55,8 @@ Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start, Role role) {
   return ctx;
 }
 
-Trainer::Mover Trainer::mover_of(const TrainConfig& config, const Parameter& p) {
-  if (!p.trained || !p.used || is_frozen(config, p.name)) return nobody;
+Trainer::Optimiser Trainer::optimiser_of(const TrainConfig& config, const Parameter& p) {
+  if (!p.trained || !p.used || is_frozen(config, p.name)) return none;
   if (is_muons(config, p)) return muon;
   return p.decays ? adamw_decaying : adamw;
 }
@@ -83,7 +83,7 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, R
       planned_(planned_selected),
       step_(start.step),
       weights_(ctx, parameters(start.config.model), start.parameters,
-               [&start](const Parameter& p) { return mover_of(start.config, p); }),
+               [&start](const Parameter& p) { return optimiser_of(start.config, p); }),
       state_(start.state) {
   for (const LearntRun& run : weights_.runs()) {
     if (role == Role::helper) break;
@@ -209,7 +209,7 @@ StepReport Trainer::PartSums::means() const {
 void Trainer::clip(Context& ctx, const Tensor& out) const {
   GradientClip clip;
   for (const LearntRun& run : weights_.runs())
-    if (run.kind != nobody) clip.grads.push_back(run.all.gradient);
+    if (run.kind != none) clip.grads.push_back(run.all.gradient);
   clip.max_norm = static_cast<float>(config_.clip_norm);
   clip.out = out;
   gradient_clip(ctx, clip);
@@ -218,7 +218,7 @@ void Trainer::clip(Context& ctx, const Tensor& out) const {
 void Trainer::move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const {
   for (std::size_t r = 0; r < moments_.size(); ++r) {
     const LearntRun& run = weights_.runs()[r];
-    if (run.kind == nobody) continue;
+    if (run.kind == none) continue;
     if (run.kind == muon) {
       for (std::size_t i = 0; i < run.names.size(); ++i) {
         const LearntTensor& w = weights_.at(run.names[i]);
@@ -277,7 +277,7 @@ void Trainer::refuse(double loss) const {
   const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
   std::set<std::string> moved;
   for (const LearntRun& run : weights_.runs())
-    if (run.kind != nobody) moved.insert(run.names.begin(), run.names.end());
+    if (run.kind != none) moved.insert(run.names.begin(), run.names.end());
   for (const std::string& name : weights_.names()) {
     if (moved.count(name) == 0) continue;
     gradient_clip(ctx_, {{weights_.at(name).gradient}, 1, 1, norm});

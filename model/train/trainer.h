@@ -97,7 +97,7 @@ class Trainer {
   void plan_optimizer() const;
 
  private:
-  enum Mover { nobody, adamw, adamw_decaying, muon };  // the optimiser of a run of parameters; `nobody`: frozen
+  enum Optimiser { none, adamw, adamw_decaying, muon };  // of a run of parameters; none: they are frozen
   // The optimiser's state of a run of weights, contiguous like the run. Frozen parameters have none.
   struct Moments {
     SideBySide m, v;  // `v` is empty for Muon, which only has momentum
@@ -115,7 +115,7 @@ class Trainer {
   enum class Role { optimiser, helper };
   Trainer(Context& ctx, const Checkpoint& start, long planned_selected, Role role);
   static Context& with_slabs(Context& ctx, const Checkpoint& start, Role role);
-  static Mover mover_of(const TrainConfig& config, const Parameter& parameter);
+  static Optimiser optimiser_of(const TrainConfig& config, const Parameter& parameter);
   SideBySide like(const LearntRun& run, const char* what, const Weights& values) const;
   struct StepObject {
     const StepItem& given;

@@ -48,7 +48,7 @@ std::string Trainer::kind() const {
 std::vector<float> Trainer::read_moved(Tensor LearntTensor::*what) const {
   std::vector<float> out;
   for (const LearntRun& run : weights_.runs()) {
-    if (run.kind == nobody) continue;
+    if (run.kind == none) continue;
     for (const std::string& name : run.names) {
       const std::vector<float> values = ctx_.read<float>(weights_.at(name).*what);
       out.insert(out.end(), values.begin(), values.end());
@@ -60,7 +60,7 @@ std::vector<float> Trainer::read_moved(Tensor LearntTensor::*what) const {
 void Trainer::write_moved(Tensor LearntTensor::*what, const std::vector<float>& values) const {
   std::size_t at = 0;
   for (const LearntRun& run : weights_.runs()) {
-    if (run.kind == nobody) continue;
+    if (run.kind == none) continue;
     for (const std::string& name : run.names) {
       const Tensor& tensor = weights_.at(name).*what;
       ctx_.write(tensor, values.data() + at);

@@ -5,7 +5,7 @@ the same ones, and the mean is as good as the better or better (README.md beside
     model/weights/mean.py OUT.safetensors MODEL SHARE [MODEL SHARE ...] [--image N]
 
 Values are summed in double and written as F32; shares are scaled to a sum of 1; what else stands in the file (configuration, step, ...) is the
-first model's, without its hash, which `vsplat weights convert` gives anew. --image: the pixels that pictures are resampled to, which no
+first model's, without its hash, which `vsplat weights convert` gives again. --image: the pixels that pictures are resampled to, which no
 tensor's shape depends on. Needs numpy.
 """
 import argparse

@@ -47,7 +47,7 @@ std::string way_to(const std::string& hash, const DeviceInfo& device) {
   if (kept.empty() || !std::filesystem::exists(kept, error)) return go_on + " to that table's file";
   if (const std::string wrong = wrong_in(kept, device); !wrong.empty())
     return fmt::format(
-        "That table is refused: a self-test has found wrong what it chooses, {}. Begin anew; VSPLAT_SELFTEST=ignore "
+        "That table is refused: a self-test has found wrong what it chooses, {}. Begin again; VSPLAT_SELFTEST=ignore "
         "with VSPLAT_TUNING={} goes on with it all the same",
         wrong, kept);
   return go_on + "=" + kept;

@@ -283,7 +283,7 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
     if (table.of != here) fail(Status::format, "{}: a table for {}", path, text_of(table.of));
     return std::make_shared<const Tuning>(table.choice);
   } catch (const Error& e) {
-    warn("no tuned parameters are used: {}; vsplat_tune makes a table anew", e.what());
+    warn("no tuned parameters are used: {}; vsplat_tune makes a table again", e.what());
     return none;
   }
 }

@@ -107,7 +107,7 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   } catch (const nlohmann::json::exception&) {  // written by another version
     return std::nullopt;
   } catch (const Error& e) {  // an unreadable file counts as no verdict
-    warn_once(fmt::format("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it anew", device.name,
+    warn_once(fmt::format("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it again", device.name,
                           e.what()));
     return std::nullopt;
   }

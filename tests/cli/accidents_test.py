@@ -111,7 +111,7 @@ class Outputs(train_support.Case):
         _, err = process.communicate(timeout=support.PATIENCE)
         self.assertEqual(process.returncode, 1, err)
         self.assertIn(self.path("out"), err)
-        self.assertFalse(os.path.exists(self.path("out")), "what was begun anew is taken back")
+        self.assertFalse(os.path.exists(self.path("out")), "an output that was begun is removed")
 
     def test_printing_that_fails_is_an_error(self):
         for command in (["--version"], ["devices", "--json"], ["train", "--print-config"], ["help", "render"]):

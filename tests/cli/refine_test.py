@@ -182,7 +182,7 @@ class Refine(support.Case):
             try:
                 err = process.communicate(timeout=moments.uniform(0, seconds))[1]
                 self.assertEqual(process.returncode, 0, err)
-                shutil.rmtree(self.path("state"))  # it came to its end: begin anew
+                shutil.rmtree(self.path("state"))  # it came to its end: begin again
                 os.remove(self.path("again.ply"))
                 os.remove(self.path("again.poses.json"))
             except subprocess.TimeoutExpired:

@@ -37,7 +37,7 @@ class Report(train_support.Case):
         self.assertTrue(part["device"] and part["driver"])
 
     def test_while_it_trains_and_after(self):
-        """There is a page before the end, of all stages, and what ends a training makes it anew."""
+        """There is a page before the end, of all stages, and what ends a training makes it again."""
         config = self.config(stages=[{"steps": 4}, {"steps": 100000}], checkpoint_every=2)
         process = self.start(*self.train(config, "run"))
         while not os.path.exists(self.path("run", "report.html")) or not os.path.exists(self.path("run", "stage-2", "checkpoint-00000004.safetensors")):

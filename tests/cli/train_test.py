@@ -238,7 +238,7 @@ class Train(train_support.Case):
             try:
                 err = process.communicate(timeout=moments.uniform(0, seconds))[1]
                 self.assertEqual(process.returncode, 0, err)
-                shutil.rmtree(self.path("killed"))  # it came to its end: begin anew
+                shutil.rmtree(self.path("killed"))  # it came to its end: start again
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGKILL)
                 process.communicate()

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Golden vectors from the PyTorch specification in tests/reference/pytorch.
-#   tests/golden/make.sh                 the committed ones, here (remove a file first to make it anew)
+#   tests/golden/make.sh                 the committed ones, here (remove a file first to make it again)
 #   tests/golden/make.sh DIR tiny        the larger ones, as ctest's golden_tiny does before the tests that read them
 #   tests/golden/make.sh DIR tiny_slow   two seeds more of them, as ctest's golden_tiny_slow does
 #   tests/golden/make.sh DIR train       those of training, as ctest's golden_train does; `train_slow` the rest of them

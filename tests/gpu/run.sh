@@ -3,7 +3,7 @@
 # jobs launch with the model inside and with small models of the other networks, and of the variants for smaller devices. What was compiled
 # once is kept by its text.
 #   tests/gpu/run.sh VSPLAT WORK [OPTIONS of static_check.py]
-#   tests/gpu/run.sh VSPLAT WORK --table bench/results/gpu-compilers.txt      writes the table anew
+#   tests/gpu/run.sh VSPLAT WORK --table bench/results/gpu-compilers.txt      writes the table again
 # 77 where the compilers cannot be had.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)

@@ -12,7 +12,7 @@ Exit status 1 where a kernel does not compile, spills or keeps scratch and is no
 line; TARGET may be a beginning, intel:), where an excuse is none any longer, where a kernel takes more than 32 KiB of local memory or groups of
 more than 256 items, or where --baseline's table was better: more scratch or spills, fewer waves, a share lower by more than 0.02, a kernel
 gone. --table writes the table. A target that ends in ? is reported only. The last column of a table tells by a hash what was compiled, how and
-by which compilers: what is the same in --baseline's is taken from there and not compiled again, but with --anew.
+by which compilers: rows with the same hash in --baseline's table are taken from there and not compiled, unless --anew is given.
 
 Needs (Debian 12): clang-15 libclc-15 rocm-device-libs, and what tests/gpu/fetch_compilers.sh puts into a folder, told by --intel: Intel's
 compiler would be an OpenCL device, too, were it installed. AMD's and Intel's are the compilers that their drivers are built on; NVIDIA's own
@@ -375,7 +375,7 @@ def main():
             if key[2] not in targets or targets[key[2]] or (a.only and a.only not in key[0]):
                 continue
             if key not in now:
-                problems.append(f"{' '.join(key)} is in {os.path.basename(a.baseline)}, and no longer in the dump: write the table anew where that is meant")
+                problems.append(f"{' '.join(key)} is in {os.path.basename(a.baseline)}, and no longer in the dump: if that is meant, write the table with --table")
             elif "error" not in now[key]:
                 problems += [f"{' '.join(key)}: {what}" for what in worse(now[key], numbers)]
     for problem in problems:

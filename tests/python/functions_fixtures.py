@@ -131,7 +131,7 @@ class Handles:
                              c.byref(self.reconstruction()))
 
     def made_of_values(self):
-        """A scene, anew."""
+        """Another scene."""
         info = self.api.struct("vsplat_scene_info", count=GAUSSIANS)
         return self.api.made("vsplat_scene_create", c.byref(info), c.byref(gaussians(self.api, GAUSSIANS)))
 

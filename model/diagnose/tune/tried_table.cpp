@@ -60,7 +60,7 @@ void TriedTable::take_up() {
     before = read_tuning(path_);
   } catch (const Error& e) {
     if (!of_cache_) throw;  // the caller's file, which may be anything
-    warn("the search begins anew: {}", e.what());
+    warn("the search begins again: {}", e.what());
     return;
   }
   if (before.of != table_.of) {

@@ -33,7 +33,7 @@ class ImageFile {
   explicit ImageFile(const std::string& path);
 
   ImageInfo info() const;
-  // As read_image(), then transformed by `orientation` (1 to 8). Decodes anew with each call.
+  // Like read_image(), then transformed by `orientation` (1 to 8). Every call decodes the file.
   Image decode(int orientation = 1) const;
   // Row by row; this object must outlive the rows. Error(memory) if the host budget (runtime/system/host_memory.h) has
   // less left than the format, or the rotation, must hold at once.

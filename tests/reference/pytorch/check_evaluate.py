@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The numbers of `vsplat evaluate` against the specification's: everything but the network's forward is done anew here, from the files
+"""The numbers of `vsplat evaluate` against the specification's: everything but the network's forward is done again here, from the files
 and from the Gaussians that the network made. run.sh runs it; $VSPLAT is the command."""
 import json
 import math

@@ -15,7 +15,7 @@ Tensors, float32 (the inputs are read exactly): K Gaussians, S coefficients, V c
 Metadata: count, degree, views, width, height.
 
 No scene has a value near a place where the picture jumps or its derivative does: see `offenders`. Gaussians that come
-near one are drawn anew until none does.
+near one are drawn again until none does.
 """
 import os
 import sys

@@ -10,7 +10,7 @@ Tensors as in make_splat.py, with scales [K,2]; beside colour, alpha and depth t
 Metadata beside those there: revision.
 
 No scene has a value near a place where a map jumps or its derivative does: see `offenders`. Surfels that come near one
-are drawn anew until none does.
+are drawn again until none does.
 """
 import os
 import sys

@@ -4,7 +4,7 @@ with the densifier nobody has published weights: the product's own random ones a
 
     VSPLAT=... python3 published_size.py --system lara|genden|vsplat+genden --work DIR [--seed 0] [--threads 2] [--block 4]
 
-Not a test: minutes, and 8 GiB. Of LaRa's coarse drawings a block of tiles is made anew (a whole one takes the specification ten minutes and more);
+Not a test: minutes, and 8 GiB. Of LaRa's coarse drawings a block of tiles is made again (a whole one takes the specification ten minutes and more);
 the specification of Gaussians visits every one of them at every pixel, which nobody waits for at this size.
 Of the product's what it chose is held: which primitives are kept (looked at by itself), their scores, what the drawings showed at them."""
 import argparse
@@ -189,7 +189,7 @@ def main():
     parser.add_argument("--size", default="published", help="of the specification's configurations")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--block", type=int, default=4, help="tiles along an edge of what is drawn anew")
+    parser.add_argument("--block", type=int, default=4, help="tiles along an edge of what is drawn again")
     a = parser.parse_args()
     torch.set_num_threads(a.threads)
     at = lambda *parts: os.path.join(a.work, *parts)
