@@ -1,14 +1,14 @@
-// Explains in messages why no device can be used, as far as this shows from outside of the drivers.
+// Explains in messages why no device can be used, as far as that is visible without loading the drivers.
 #pragma once
 #include <string>
 
 namespace vsplat {
 
-// For the case that no device was found: a sentence about what there is instead, and what to do.
+// If no device was found: a sentence about what was found instead, and what to do.
 std::string why_no_device();
 
-// For the case that devices were found, but not the requested one: what keeps a driver from offering its devices. "" if
-// nothing does.
+// If devices were found, but not the requested one: what prevents a driver from offering its devices. "" if nothing
+// does.
 std::string unusable_drivers();
 
 }  // namespace vsplat

@@ -30,11 +30,11 @@ struct FramedObject {
 FramedObject frame_object(const DataObject& object, const FrameRequest& request,
                           std::vector<std::string>* skipped = nullptr);
 
-// A warning where the masks of most of `count` of its views seem to be inverted. Views that cannot be read are
-// skipped here; their user reports them.
+// Logs a warning if the masks of most of `count` of its views seem to be inverted. Skips views that cannot be read;
+// their user reports them.
 void warn_of_inverted_masks(const FramedObject& object, int count);
 
-// [S][S][4], straight alpha, 8 bits: nothing is lost of 8-bit pictures in the network's size.
+// [S][S][4], straight alpha, 8 bits: 8-bit pictures at the network's size are stored without loss.
 struct StoredView {
   std::vector<std::uint8_t> rgba;
   Camera camera;  // S x S, in the user's world

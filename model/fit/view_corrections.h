@@ -37,7 +37,7 @@ struct ExposureCorrection {
 };
 ExposureCorrection make_exposure(Context& ctx);
 void move(Context& ctx, ExposureCorrection& exposure, double rate);
-// Store and load it as a checkpoint's tensors, under "NAME.".
+// put() stores it as tensors of a checkpoint, under "NAME."; get() loads it.
 void put(Context& ctx, const ExposureCorrection& exposure, const std::string& name, FitCheckpoint& out);
 void get(Context& ctx, ExposureCorrection& exposure, const std::string& name, const FitCheckpoint& from);
 

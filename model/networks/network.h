@@ -38,7 +38,7 @@ class Network {
   // Memory that forward needs.
   virtual MemoryPlan plan(const Context& ctx, long views, long selected) const = 0;
 
-  // What an architecture keeps between the calls of a training's step.
+  // State of an architecture between the calls of a training step.
   struct State {
     virtual ~State() = default;
   };
@@ -47,23 +47,23 @@ class Network {
     explicit StateOf(T of) : value(std::move(of)) {}
     T value;
   };
-  // The T that this network has put there.
+  // The value that this network has stored in the state.
   template <typename T>
   static T& value_in(const std::shared_ptr<State>& state) {
     return dynamic_cast<StateOf<T>&>(*state).value;
   }
 
-  // A training's forward, in two calls: what memory the second takes is known after the first. Both keep what backward
-  // needs, and plan no memory; `ctx` may be a planner.
+  // A training's forward, in two calls, since the second one's memory is known only after the first. Both keep what
+  // backward needs, and plan no memory; `ctx` may be a planner.
   struct Half {
-    long selected = 0;  // 0 where there is one level
+    long selected = 0;  // 0 if there is only one level
     std::shared_ptr<State> state;
   };
   struct Trained {
     DeviceGaussians coarse, final;  // `final` is empty if there is one level or ForwardOptions::fine is false
     long selected = 0;
-    Tensor rays;                   // as Result has them
-    std::shared_ptr<State> state;  // backward frees its parts as it goes
+    Tensor rays;                   // as in Result
+    std::shared_ptr<State> state;  // backward frees its parts as it uses them
   };
   virtual Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                      const ForwardOptions& options, bool recompute) const = 0;

@@ -20,19 +20,19 @@ struct MaskExtent {
 std::optional<MaskExtent> mask_extent(const Image& mask);
 std::optional<MaskExtent> mask_extent(PixelRows& mask);
 
-// The point nearest to the optical axes, by the sum of distances; nothing where they are parallel.
+// The point with the smallest sum of distances to the optical axes; nothing if they are parallel.
 std::optional<Eigen::Vector3d> where_axes_meet(std::span<const Camera> cameras);
 
-// Intrinsics must be known. `extents`: one per camera or none at all; lens distortion is not undone for them.
-// `points`: in the cameras' world; none where there are none. The cube is, of these the first that there is enough of:
-// 1. that of cube_of_points(). Where it is more than 1.5 times as large as by the masks, the points show what lies
-//    around the object, too, and those alone count that nine in ten of the masks hold.
-// 2. The centre is the point nearest to the rays through the middles of two masks or more, by the sum of distances, so
-//    that a camera that looks elsewhere counts little; the edge is 1.2 times the largest extent of the masks at the
-//    centre's depth (the 90th percentile of the views).
-// 3. The centre is the point nearest to the optical axes; the edge is such that 1.5 edges fill a picture at the median
-//    distance and field of view.
-// In no case does the cube reach a camera. `centre`: settled already, only the edge is estimated. Error(input) where
+// Estimates the object's cube. Intrinsics must be known. `extents`: one per camera, or empty; lens distortion is not
+// undone for them. `points`: in the cameras' world; may be empty. Uses the first of these sources that suffices:
+// 1. The points: cube_of_points(). If that cube is more than 1.5 times as large as the masks suggest, the points also
+//    show the object's surroundings; then only points inside at least nine in ten masks are used.
+// 2. The masks: the centre is the point with the smallest sum of distances to the rays through the middles of at least
+//    two masks, so that a camera that looks elsewhere has little influence. The edge is 1.2 times the largest extent of
+//    the masks at the centre's depth (the 90th percentile of the views).
+// 3. The cameras: the centre is the point nearest to the optical axes. The edge is chosen so that 1.5 edges fill a
+//    picture at the median distance and field of view.
+// The cube never reaches a camera. With `centre`, only the edge is estimated. Error(input) if the axes do not meet.
 // the axes meet nowhere.
 EstimatedPlacement auto_frame(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents = {},
                               const std::optional<Eigen::Vector3d>& centre = {},

@@ -18,8 +18,8 @@ MaskShares mask_shares(PixelRows& mask);
 // as inverted masks do. `set`: the beginning of the message.
 void warn_of_inverted_masks(const std::string& set, std::span<const MaskShares> masks);
 
-// The same, and Error(input) where nothing is the object in any of them. Where fewer have a mask than `views` that are
-// used, a warning says so, and no more.
+// Warns likewise, and throws Error(input) if no mask shows any object. If only some of the `views` that are used have a
+// mask, it logs one warning about that and checks nothing else.
 void check_masks(const std::string& set, std::span<const MaskShares> masks, std::size_t views);
 
 }  // namespace vsplat

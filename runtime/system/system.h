@@ -103,7 +103,7 @@ void let_stops_end();
 // as it would have. Does nothing if a fault handler is installed already (a sanitizer's).
 void tell_of_faults(const std::string& text);
 
-// The system's words for it; "" where it does not know.
+// The user's name and home folder, as the system reports them; "" if unknown.
 struct User {
   std::string name, home;
 };

@@ -95,7 +95,7 @@ using NotedShapes = std::map<TunedShape, NotedShape>;
 // Choices that replace the defaults.
 class Tuning {
  public:
-  // The values that an operation runs with; without a declaration there are none to ask for.
+  // The values that an operation runs with; no values if the flavour has no declaration for it.
   TunedValues values(Flavour flavour, const TunedShape& shape) const;
   // Sets the values of that shape's class.
   void set(const TunedShape& shape, const TunedValues& values);

@@ -47,12 +47,12 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Finds a file that is not where the read one says: its path, or "" where there is none. What it throws ends the
-  // reading.
+  // Finds a file that is not at the path that the mesh file states. Returns its path, or "" if there is none. An
+  // exception ends the reading.
   using Search = std::function<std::string(const std::string& name)>;
   void search_by(Search search) { search_ = std::move(search); }
 
-  // Asks for something. `bytes` is about how many it is, beside those of the file itself.
+  // Sends a request. `bytes`: the approximate size of what is requested, in addition to the file itself.
   void ask(read::Kind kind, const read::Packer& body, std::uint64_t bytes = 0);
 
   // next() returns the next message with a body of at most `most` bytes; next_header() and body() read it in two steps.
@@ -75,7 +75,7 @@ class Reader {
   template <class F>
   auto guarded(F&& call);
   void start(read::Kind what);
-  std::uint64_t memory() const;  // that it may have
+  std::uint64_t memory() const;  // its limit
   void answer(read::Kind question, const std::string& asked);
   bool may_read(const std::string& name);
   void look_at_memory();

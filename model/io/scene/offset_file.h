@@ -1,4 +1,4 @@
-// SCENE.offset.json: where in the world a scene's positions begin, for programs that do not read our PLY comments.
+// SCENE.offset.json: the origin of a scene's positions in the world, for programs that do not read our PLY comments.
 #pragma once
 #include <filesystem>
 
@@ -9,8 +9,8 @@ namespace vsplat {
 // The file that belongs to the scene file `scene`.
 std::filesystem::path offset_file_of(const std::filesystem::path& scene);
 
-// Writes it where `scene` has an offset. Otherwise removes one that an earlier scene of this name left, which would
-// misplace this one. Error(file) as OutputFile has it.
+// Writes it if `scene` has an offset. Otherwise removes the file that an earlier scene of this name has left, which
+// would misplace the new one. Error(file) as in OutputFile.
 void write_offset_file(const std::filesystem::path& path, const Scene& scene);
 
 }  // namespace vsplat

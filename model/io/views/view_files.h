@@ -7,10 +7,10 @@
 
 namespace vsplat {
 
-// Fills in ListedView::picture and mask, and ViewSet::looked_for where a picture is missing. `given`: the path that the
-// user named. Adds to `roots` the folders in which a COLMAP model's pictures and masks are.
-// Error(input) where two files fit a name alike, or two views would share a file that neither lists as it lies there;
-// where no picture is used, there are none then.
+// Fills in ListedView::picture and mask, and ViewSet::looked_for if a picture is missing. `given`: the path that the
+// user named. Adds to `roots` the folders of a COLMAP model's pictures and masks.
+// Error(input) if two files match a name equally well, or if two views would share a file that was found for at least
+// one of them by an inexact match; if the options use no pictures, it finds none instead.
 void find_view_files(ViewSet& set, const std::filesystem::path& given, const ReadOptions& options, Roots& roots);
 
 }  // namespace vsplat

@@ -18,7 +18,6 @@ struct ForwardOptions {
   long planned_selected = 0;                    // selected voxels that a plan assumes
   // Only in LaRa's training: false skips the second level, and with it the rendering of the first. VS-Splat uses
   // Config::levels.
-  // Config::levels.
   bool fine = true;
   // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...), but not while
   // planning.

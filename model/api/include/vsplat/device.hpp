@@ -20,7 +20,7 @@ class Device : public DeviceHandle {
   Device() = default;
   using DeviceHandle::DeviceHandle;
   explicit Device(const vsplat_device_options& options) : DeviceHandle(opened(options)) {}
-  // (Device() is none.)
+  // Device() is an empty handle.
   static Device open(const vsplat_device_options& options = VSPLAT_DEVICE_OPTIONS_INIT) { return Device(options); }
 
   static std::vector<vsplat_device_info> list() {
@@ -41,14 +41,14 @@ class Device : public DeviceHandle {
     check(vsplat_stream_create(get(), &out));
     return Device(out);
   }
-  // Stops the call that has it; from any thread.
+  // Stops the call that is using the device; callable from any thread.
   void cancel() const { check(vsplat_device_cancel(get())); }
   void trim() { check(vsplat_device_trim(get())); }
   void profile(bool on) { check(vsplat_device_profile(get(), on)); }
   void profile_name(const std::string& what, const std::string& name) {
     check(vsplat_device_profile_name(get(), what.c_str(), name.c_str()));
   }
-  // Most time first.
+  // Sorted by time, longest first.
   std::vector<vsplat_profile_row> profile_rows() const {
     size_t count = 0;
     check(vsplat_device_profile_count(get(), &count));
@@ -61,13 +61,13 @@ class Device : public DeviceHandle {
     check(vsplat_device_profile_text(get(), format, &out));
     return text(out);
   }
-  // JSON. The model may be of nothing where the jobs take none.
+  // Returns JSON. The model may be NULL if no job needs one.
   std::string programs(vsplat_model model, const vsplat_programs_options& options) const {
     char* out = nullptr;
     check(vsplat_device_programs(get(), model, &options, &out));
     return text(out);
   }
-  // JSON of what a search for parameters found.
+  // Returns the search's report as JSON.
   std::string tune(vsplat_model model, const vsplat_tune_options& options) const {
     char* out = nullptr;
     check(vsplat_tune(get(), model, &options, &out));
@@ -82,7 +82,7 @@ class Device : public DeviceHandle {
   }
 };
 
-// JSON, and what it says in short.
+// Returns the report as JSON, and the verdict in `fitness`.
 inline std::string selftest(const vsplat_selftest_options& options, vsplat_fitness& fitness) {
   char* out = nullptr;
   check(vsplat_selftest(&options, &fitness, &out));
@@ -104,19 +104,19 @@ class Model : public ModelHandle {
     check(vsplat_model_load(path.c_str(), &out));
     return Model(out);
   }
-  // From the bytes of a model file.
+  // Loads a model from the bytes of a model file.
   static Model load(Span<const unsigned char> bytes) {
     vsplat_model out = nullptr;
     check(vsplat_model_load_memory(bytes.data(), bytes.size(), &out));
     return Model(out);
   }
-  // The one that the library carries.
+  // Loads the model built into the library.
   static Model load() {
     vsplat_model out = nullptr;
     check(vsplat_model_load(nullptr, &out));
     return Model(out);
   }
-  // From a PyTorch checkpoint. `told`, if given, becomes the JSON report of vsplat_model_import.
+  // Imports a PyTorch checkpoint. `told`, unless it is null, receives the JSON report of vsplat_model_import.
   static Model imported(const std::string& path, const vsplat_import_options& options, std::string* told = nullptr) {
     vsplat_model out = nullptr;
     char* out_text = nullptr;
@@ -127,14 +127,14 @@ class Model : public ModelHandle {
   void save(const std::string& path, vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {
     check(vsplat_model_save_as(get(), path.c_str(), dtype));
   }
-  // The bytes of that file.
+  // The bytes of the model file.
   std::vector<unsigned char> save_memory(vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {
     char* out = nullptr;
     size_t size = 0;
     check(vsplat_model_save_memory(get(), dtype, &out, &size));
     return bytes(out, size);
   }
-  // The same with another number of views that an Input picks by default.
+  // Returns the same model with another number of views that an Input picks by default.
   Model with_use_views(int32_t use_views) const {
     vsplat_model out = nullptr;
     check(vsplat_model_with_use_views(get(), use_views, &out));

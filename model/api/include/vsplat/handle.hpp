@@ -32,7 +32,7 @@ inline std::string text(char* from) {
   vsplat_text_free(from);
   return out;
 }
-// The same of bytes.
+// Copies and frees bytes that a call returned.
 inline std::vector<unsigned char> bytes(char* from, std::size_t size) {
   std::vector<unsigned char> out(from, from + size);
   vsplat_text_free(from);

@@ -82,8 +82,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_find_picture(vsplat_cam
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_file_size(const char* path, int32_t* out_width,
                                                                    int32_t* out_height);
 
-/* The size as camera `index` saw the picture: turned by the file's EXIF orientation, if the camera's list is of turned
-   pictures. Either out_ pointer may be NULL. */
+/* The size as camera `index` saw the picture: turned by the file's EXIF orientation, if the camera's list describes
+   turned pictures. Either out_ pointer may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_get_picture_size(vsplat_cameras cameras, size_t index,
                                                                           const char* path, int32_t* out_width,
                                                                           int32_t* out_height);

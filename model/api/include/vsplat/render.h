@@ -119,18 +119,18 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_views(vsplat_device devi
    - where a pixel's ray ends: before the Gaussian that would bring its transmittance under 1e-4;
    - limits: alpha does not change where it is limited to 0.99, nor a colour where it is limited to 0;
    - which Gaussians are left out altogether: those in front of the near plane.
-   At these places, and where the tiles end that a Gaussian is drawn in, the picture itself jumps, by up to 1/100 of its
-   colour. A difference of two pictures has those jumps in it, and the derivatives have not. The edge where alpha is
-   1/255 moves over pixels when mean, scale, rotation or opacity change. Measured with single Gaussians of 5 and of 12
-   pixels' deviation, differences by mean, scale and rotation are larger than the derivatives by 2 % at an opacity of
-   0.9, by 5 % at 0.3 and by 14 % at 0.1; by opacity it is 0.5 %, 1 % and 4 %; by colours nothing. That is the average,
-   the same for steps from 3e-2 to 1e-4. Single differences of a small step scatter: most cross no jump and agree, a few
-   are off by their own size or more.
+   At these places, and at the edges of the tiles in which a Gaussian is drawn, the picture itself jumps, by up to 1/100
+   of the Gaussian's colour. A difference of two pictures includes these jumps; the derivatives do not. The edge where
+   alpha is 1/255 moves over pixels when mean, scale, rotation or opacity change. Measured with single Gaussians with
+   standard deviations of 5 and of 12 pixels, differences by mean, scale and rotation exceed the derivatives by 2 % at an
+   opacity of 0.9, by 5 % at 0.3 and by 14 % at 0.1; differences by opacity exceed them by 0.5 %, 1 % and 4 %;
+   differences by colours agree. These are averages, equal for steps from 3e-2 to 1e-4. Single differences with a small
+   step scatter: most cross no jump and agree; a few are off by their own size or more.
 
-   A test by finite differences can hold derivatives by colours in every scene. All others it can hold in a scene
-   without jumps: every Gaussian covers the whole picture with an alpha well above 1/255 and below 0.99, and no pixel
-   ends. Central differences with a step of 1e-2 agree to 0.1 % there (scales of 1.5, a picture of 96 x 96 pixels); under
-   1e-3 the rounding of floats is seen. */
+   A test by finite differences can check derivatives by colours in every scene. It can check all others in a scene
+   without jumps: every Gaussian covers the whole picture with an alpha well above 1/255 and below 0.99, and no pixel's
+   ray ends early. There, central differences with a step of 1e-2 agree to 0.1 % (scales of 1.5, a picture of 96 x 96
+   pixels); with steps below 1e-3 the rounding of floats shows. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene,
                                                                  const vsplat_camera* camera,
                                                                  const vsplat_render_options* options,

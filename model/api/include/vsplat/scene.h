@@ -103,9 +103,10 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_remove(vsplat_scene scene
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_crop(vsplat_scene scene, const double low[3],
                                                             const double high[3]);
 
-/* Writes one, whole or not at all. An existing file is replaced. Where the scene has an offset, positions in the file
-   are relative to it: a comment of the file says so to vsplat_scene_load, and SCENE.offset.json beside it, which is
-   written, too, to other programs. Where it has none, such a file of an earlier scene of this name is removed. */
+/* Writes a PLY that vsplat_scene_load reads, whole or not at all; replaces an existing file. If the scene has an
+   offset, positions in the file are relative to it. A comment in the file states the offset for vsplat_scene_load, and
+   SCENE.offset.json, written beside it, states it for other programs. If the scene has no offset, a SCENE.offset.json
+   that an earlier scene of this name has left is removed. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
 /* The bytes of that file, `*out_size` of them. They belong to the caller; free them with vsplat_text_free. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_memory(vsplat_scene scene, char** out_bytes,

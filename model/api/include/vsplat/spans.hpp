@@ -83,8 +83,8 @@ struct BasicGaussianSpans {
 using GaussianSpans = BasicGaussianSpans<float>;
 using ConstGaussianSpans = BasicGaussianSpans<const float>;
 
-// A picture's values where they lie: [height][width][3], [height][width], [height][width]; then, as vsplat_picture has
-// them, where surfaces are. What is empty is not wanted.
+// A picture's values in the caller's memory: [height][width][3], [height][width], [height][width], then the surface
+// maps as in vsplat_picture. An empty span is not wanted.
 template <class T>
 struct BasicPictureSpans {
   Span<T> colour = {}, alpha = {}, depth = {};

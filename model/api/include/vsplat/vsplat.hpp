@@ -23,7 +23,7 @@ using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_relea
 using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
 using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
 
-// One at `eye`, see vsplat_camera_look_at; `degrees` of field of view across the width.
+// Returns a camera at `eye`, see vsplat_camera_look_at; `degrees` is the field of view across the width.
 inline vsplat_camera looking_at(const double (&eye)[3], const double (&target)[3], const double (&up)[3], int32_t width,
                                 int32_t height, double degrees = 50) {
   vsplat_camera out = VSPLAT_CAMERA_INIT;
@@ -260,11 +260,11 @@ class Scene : public SceneHandle {
     check(vsplat_scene_append(get(), other.get(), transform));
   }
   void transform(const double (&transform)[16]) { check(vsplat_scene_transform(get(), transform)); }
-  // One for each Gaussian: those that are not 0 go.
+  // `removed` has a value for each Gaussian; those that are not 0 mark the Gaussians to remove.
   void remove(Span<const uint8_t> removed) { check(vsplat_scene_remove(get(), removed.data(), removed.size())); }
   void crop(const double (&low)[3], const double (&high)[3]) { check(vsplat_scene_crop(get(), low, high)); }
   void save(const std::string& path) const { check(vsplat_scene_save(get(), path.c_str())); }
-  // The bytes of that file.
+  // The bytes that save() would write.
   std::vector<unsigned char> save_memory() const {
     char* out = nullptr;
     size_t size = 0;
@@ -357,7 +357,7 @@ struct Picture {
     const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
     check(vsplat_picture_save_jpeg(&p, width, height, quality, path.c_str()));
   }
-  // The bytes of such a file.
+  // The bytes that save() would write.
   std::vector<unsigned char> save_memory(vsplat_picture_format format) const {
     const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
     char* out = nullptr;
@@ -384,7 +384,7 @@ inline Picture render(const Device& device, const Scene& scene, const vsplat_cam
   render(device, scene, camera, out, options);
   return out;
 }
-// Into rows of 8-bit pixels of 3 or 4 channels, `row_bytes` apart (0: without gaps), as vsplat_picture.data has them.
+// Draws into rows of 8-bit pixels of 3 or 4 channels, `row_bytes` apart (0: without gaps), as in vsplat_picture.data.
 inline void render_bytes(const Device& device, const Scene& scene, const vsplat_camera& camera,
                          Span<unsigned char> into, int channels, size_t row_bytes = 0, bool premultiplied = false,
                          const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {

@@ -13,7 +13,7 @@ namespace vsplat::read {
 // All bytes of a file that the library opens; nothing if it refuses.
 std::optional<std::vector<unsigned char>> whole_file(const std::string& path, Library& library);
 
-// Its first bytes, at most `most`; none where the library does not open it.
+// The file's first bytes, at most `most`; empty if the library does not open it.
 std::string beginning_of(const std::string& path, Library& library, std::size_t most);
 
 class MeshFiles : public Assimp::IOSystem {

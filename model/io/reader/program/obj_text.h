@@ -32,9 +32,9 @@ class MtlMaterials {
   // quotes. Records the options; an option that changes a texture's colours sets refused().
   std::string take(const std::string& path, std::string text);
 
-  // Looks through the clean text of the OBJ file for the materials that it uses.
+  // Searches the clean text of the OBJ file for the materials that it uses.
   void look_for_uses(std::string_view obj);
-  // Once all files are read: notes what is used and is in none of them.
+  // Call it when all files are read: notes the materials that are used but defined in no file.
   void note_unknown();
 
   const MtlMaterial* find(const std::string& name) const;
@@ -51,7 +51,7 @@ class MtlMaterials {
 
   std::map<std::string, MtlMaterial> all_;
   std::string name_, diffuse_file_;  // of the material that is being read
-  bool has_ambient_ = false;         // its, a texture
+  bool has_ambient_ = false;         // whether that material has an ambient texture
   std::set<std::string> used_;
   std::vector<std::string> notes_;
   std::optional<Wrong> refused_;

@@ -1,4 +1,4 @@
-// What assimp passes over in a PLY mesh.
+// Reports what assimp ignores in a PLY mesh.
 #pragma once
 #include <string>
 
@@ -6,8 +6,8 @@
 
 namespace vsplat::read {
 
-// Notes, by the file's header, what changes the picture and is not read: colours of faces, and of vertices under names
-// that are not those of colours. Wrong(input) where it names several textures.
+// Reads the file's header and notes what changes the picture but is not read: colours of faces, and vertex colours
+// under unusual names. Wrong(input) if the header names several textures.
 void note_ply_header(const std::string& path, Library& library);
 
 }  // namespace vsplat::read
