@@ -167,7 +167,7 @@ std::vector<FoundDevice> find_devices() {
   std::vector<cl::Platform> platforms;
   try {
     cl::Platform::get(&platforms);
-  } catch (const cl::Error&) {  // the loader's way of saying that there is none
+  } catch (const cl::Error&) {  // how the loader reports that there is no platform
     return {};
   }
   std::vector<FoundDevice> out;
@@ -185,7 +185,7 @@ std::vector<FoundDevice> find_devices() {
         info.platform = static_cast<int>(p);
         info.device = static_cast<int>(i);
         out.push_back({info, devices[i]});
-      } catch (const cl::Error&) {  // a driver that cannot describe its own device is not one to use
+      } catch (const cl::Error&) {  // skip a device that its own driver cannot describe
       }
     }
   }

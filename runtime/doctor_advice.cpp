@@ -1,4 +1,4 @@
-// Finds the faults in the examined facts, and the mend of each.
+// Finds the faults in the examined facts, and how to mend each of them.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ std::string quoted(const std::string& text) { return "\"" + printable(text) + "\
 
 bool crashes(const SeenDriver& seen) { return seen.state == State::crashed || seen.state == State::too_late; }
 
-// What names the driver: its entry file, or the variable.
+// The file or variable that lists the driver.
 std::string name_of(const Looked& looked, const DriverEntry& entry) {
   if (!entry.file.empty()) return entry.file;
   const bool filenames = looked.entries.place != entry.library;

@@ -74,7 +74,7 @@ void write_image(Context& ctx, void* image, long width, long height, const void*
   try {
     const cl::CommandQueue queue(static_cast<cl_command_queue>(ctx.raw_queue()), true);
     const cl::Image2D to(static_cast<cl_mem>(image), true);
-    // (Written by the host: PoCL 3.1 crashes where a buffer that is part of another is copied to an image.)
+    // The host writes the image, because PoCL 3.1 crashes when a sub-buffer is copied to an image.
     queue.enqueueWriteImage(to, CL_TRUE, {0, 0, 0},
                             {static_cast<std::size_t>(width), static_cast<std::size_t>(height), 1}, 0, 0, pixels);
   } catch (const cl::Error& e) {

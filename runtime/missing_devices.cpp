@@ -20,7 +20,7 @@ std::vector<Driver> drivers() {
   std::vector<cl::Platform> platforms;
   try {
     cl::Platform::get(&platforms);
-  } catch (const cl::Error&) {  // the loader's way of saying that there is none
+  } catch (const cl::Error&) {  // how the loader reports that there is no platform
     return {};
   }
   std::vector<Driver> out;
@@ -30,7 +30,7 @@ std::vector<Driver> drivers() {
       std::vector<cl::Device> devices;
       platform.getDevices(CL_DEVICE_TYPE_ALL, &devices);
       driver.devices = !devices.empty();
-    } catch (const cl::Error&) {  // the loader's way of saying that it has none
+    } catch (const cl::Error&) {  // how the loader reports that a platform has no devices
     }
   return out;
 }

@@ -215,7 +215,8 @@ void give(T* out, const T& value, const char* what) {
   out->size = size;
 }
 
-// The number in a C caller's enum, which may be none of its values: C++ may not even load such a number as the enum.
+// The number in a C caller's enum. It may not be one of the enum's values, and then C++ may not even load it as the
+// enum.
 template <class E>
 int value_of(const E& from) {
   static_assert(sizeof(E) == sizeof(int));

@@ -121,7 +121,7 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     const vsplat_report_options o = taken(options, VSPLAT_REPORT_OPTIONS_INIT, "options");
     if (!(o.seconds > 0 && o.seconds <= 3600))
       fail(Status::usage, "options.seconds is {}: more than 0 and at most 3600 expected", o.seconds);
-    // First, because this reports whether the device is in use; examining the drivers takes its time.
+    // Runs first, because this call reports whether the device is in use, and examining the drivers takes a while.
     Json run = device ? run_json(device, o) : Json();
     Json out;
     out["format"] = "vsplat-report";

@@ -152,7 +152,7 @@ Gaussians thickened(const Gaussians& surfels, double thickness) {
 }
 
 Eigen::Vector3d offset_for(const Eigen::Vector3d& centre, double edge) {
-  constexpr double held = 1e-4, half_step = 0x1p-24;  // of the edge; of a float's value
+  constexpr double held = 1e-4, half_step = 0x1p-24;  // share of the edge; relative rounding error of a float
   const double farthest = centre.cwiseAbs().maxCoeff() + 0.5 * edge;
   return farthest * half_step > held * edge ? centre : Eigen::Vector3d::Zero();
 }

@@ -64,7 +64,7 @@ Sampling sampling_of(const read::MeshTexture& texture) {
   return {beyond(texture.wrap_u), beyond(texture.wrap_v), texture.nearest};
 }
 
-// Where a mesh's textures lie: beside it, or in a folder that has them.
+// The folders in which a mesh's textures may be: its own, and usual subfolders.
 std::vector<fs::path> places_of(const fs::path& folder) {
   std::vector<fs::path> out = {folder};
   for (const char* name : {"textures", "texture", "images", "maps"}) {
@@ -148,7 +148,7 @@ std::string MeshReader::other_place(const std::string& name) {
   return extension_of(found) == extension_of(listed) ? found : "";
 }
 
-// By the search that finds the pictures of a list.
+// Finds the texture with the same search as the pictures of a list.
 std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
   std::shared_ptr<const Texture>& known = textures_[name];
   if (known) return known;

@@ -132,7 +132,7 @@ struct TrainingReader::Impl {
   ByteCache<std::size_t, Listing> listings;
   ByteCache<std::pair<std::size_t, int>, StoredView> pictures;
 
-  std::atomic<int> masks_looked_at = 0;  // of how many objects
+  std::atomic<int> masks_looked_at = 0;  // number of objects whose masks were checked
 
   mutable std::mutex bad_mutex;
   std::set<BadThing> bad;

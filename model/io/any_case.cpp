@@ -17,7 +17,7 @@ fs::path in_any_case(const fs::path& folder, const std::string& name) {
   if (fs::exists(folder / name, error)) return folder / name;
   const std::string wanted = lower_case(name);
   std::string found;
-  constexpr int most = 10000;  // a folder of so many files is one of pictures
+  constexpr int most = 10000;  // larger folders hold pictures and are not searched
   int seen = 0;
   for (fs::directory_iterator at(folder.empty() ? "." : folder, error), end; !error && at != end; at.increment(error)) {
     if (++seen > most) return folder / name;

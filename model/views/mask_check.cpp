@@ -54,8 +54,8 @@ void check_masks(const std::string& set, std::span<const MaskShares> masks, std:
 }
 
 void warn_of_inverted_masks(const std::string& set, std::span<const MaskShares> masks) {
-  // The background is what a picture's border shows mostly: of an inverted mask more of the border is white than of the
-  // whole. An object that fills the picture has its border white, too, but the whole even more so.
+  // The border of a picture mostly shows background. In an inverted mask the border has a larger white share than the
+  // whole mask. If an object fills the picture, its border is white, too, but the whole mask is even more so.
   const auto inverted = std::count_if(masks.begin(), masks.end(), [](const MaskShares& m) {
     return m.border > 0.5 && m.all < 0.99 && m.border > m.all + 0.02;
   });

@@ -109,8 +109,8 @@ std::vector<Camera> after(const Swap& swap, std::span<const Camera> cameras) {
   return out;
 }
 
-// How far the axes pass, on average, by the point where they meet best, seen from the cameras; 180 where they do not
-// meet at all. Cameras at one place look at no common point.
+// The mean angle by which the optical axes miss their common point, in degrees; 180 if they have no common point, as
+// when all cameras are at one place.
 double degrees_off(std::span<const Camera> cameras) {
   const std::optional<Eigen::Vector3d> point = where_axes_meet(cameras);
   if (!point) return 180;
@@ -201,7 +201,8 @@ void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) 
     turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
     far = std::max(far, c.centre().norm());
   }
-  // What rounding leaves. Where the origin is far away, as in maps, a millionth of that is a whole ring of cameras.
+  // The tolerance only covers rounding: if the origin is far away, as in maps, a millionth of its distance may be
+  // larger than the whole ring of cameras.
   if (apart > 1e-9 * std::max(far, 1e-9)) return;
   if (turned < 1e-6)
     warn(

@@ -23,7 +23,7 @@ using pickle::Pickle;
 using pickle::Ref;
 
 constexpr std::uint64_t kLargestPickle = 64u << 20;  // checkpoints have a few hundred KB
-constexpr std::uint64_t kPerValue = 160;             // most bytes that one takes, without its list of items
+constexpr std::uint64_t kPerValue = 160;             // most bytes that a value takes, without its list of items
 
 const pickle::Value* item_of(const Pickle& all, const pickle::Value& dict, std::string_view key) {
   for (std::size_t i = 0; i + 1 < dict.items.size(); i += 2)

@@ -240,7 +240,7 @@ std::vector<ListedView> read_images_text(const fs::path& path, const Cameras& ca
   return out;
 }
 
-// In any case: some programs write Cameras.txt.
+// In upper or lower case, since some programs write Cameras.txt.
 fs::path file_of(const fs::path& folder, const char* what, const char* extension) {
   return in_any_case(folder, fmt::format("{}.{}", what, extension));
 }
@@ -272,7 +272,7 @@ std::uint64_t images_in(const fs::path& folder) {
 ColmapChoice largest_of(const fs::path& folder) {
   std::map<long, fs::path> parts;
   std::error_code error;
-  // Elsewhere, objects of a data set may be called by numbers.
+  // In other folders, numbered subfolders may be the objects of a data set.
   const std::string own = lower_case(fs::absolute(folder, error).lexically_normal().filename().string());
   const bool may_have_parts = own == "sparse" || own == "colmap";
   for (fs::directory_iterator at(folder, error), end; may_have_parts && !error && at != end; at.increment(error)) {

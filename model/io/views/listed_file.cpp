@@ -20,14 +20,14 @@ namespace fs = std::filesystem;
 constexpr int most_looked_through = 20000;  // files searched for an error message
 constexpr int deepest_looked = 4;
 constexpr std::size_t longest_name = 4096;  // no file has a longer path
-constexpr std::size_t most_tails = 40;      // of folders within folders
+constexpr std::size_t most_tails = 40;      // parts of a path, from its end, that are tried
 
 bool is_regular(const fs::path& path) {
   std::error_code error;
   return fs::is_regular_file(path, error);
 }
 
-// Endings of pictures that are not read: whoever converted them may have left the list as it was.
+// Endings of picture formats that are not read. Whoever converted such pictures may not have updated the list.
 bool has_foreign_ending(const fs::path& file) {
   static constexpr std::array known = {".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif",  ".tga", ".dds", ".psd",
                                        ".hdr",  ".pgm",  ".ppm",  ".dng", ".cr2", ".cr3",  ".nef", ".arw", ".orf",
@@ -36,7 +36,7 @@ bool has_foreign_ending(const fs::path& file) {
   return std::find(known.begin(), known.end(), ending) != known.end();
 }
 
-// Without an ending that pictures have: in a name without one a dot is nothing special.
+// The name without a picture's ending. A dot in a name without such an ending has no special meaning.
 std::string picture_stem(const fs::path& file) {
   return (has_picture_ending(file) || has_foreign_ending(file) ? file.stem() : file.filename()).string();
 }
@@ -211,7 +211,7 @@ FoundFile ListedFiles::find(const std::string& name) {
 std::string ListedFiles::where_looked(const std::string& name) {
   std::vector<std::string> places, near;
   std::error_code error;
-  std::string other;  // something of that name which cannot be read as a file
+  std::string other;  // a folder or special file of that name, which cannot be read
   const std::string file = fs::path(slashed(name)).filename().string();
   for (const fs::path& folder : folders_) {
     if (!fs::is_directory(folder.empty() ? "." : folder, error)) continue;

@@ -207,7 +207,7 @@ void find_listed_masks(ViewSet& set, const ReadOptions& options, Roots& roots) {
     if (set.views[i].mask) set.views[i].mask = files[i].path.empty() ? beside / *set.views[i].mask : files[i].path;
 }
 
-// -> the folders that may have a folder of masks
+// Finds the pictures. Returns the folders that may contain a folder of masks.
 std::vector<fs::path> find_pictures(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
   if (is_a_folder(set.source)) {
     std::vector<fs::path> around = folder_and_above(set.source), out;
@@ -235,8 +235,8 @@ void find_masks(ViewSet& set, const std::vector<fs::path>& mask_places, const Re
 }  // namespace
 
 void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
-  // Target cameras take no more from a picture than its size, and from a mask what a comparison leaves out: names that
-  // fit several files are names of none.
+  // Target cameras only need a picture's size, and for comparisons its mask. If a name matches several files, it counts
+  // as missing for them.
   const auto attempt = [&](const std::function<void(ViewSet&)>& find) {
     ViewSet with_files = set;
     try {

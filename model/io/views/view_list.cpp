@@ -117,7 +117,7 @@ std::vector<std::string> lists_below(const fs::path& folder) {
   return out;
 }
 
-// A file of COLMAP's that is there twice, in other cases than COLMAP's, for a message.
+// For a message: two files of a COLMAP model whose names differ only in case. "" if there are none.
 std::string doubled_names(const fs::path& folder) {
   for (const char* inside : {"sparse/0", "sparse", "colmap", "."}) {
     std::map<std::string, std::string> seen;

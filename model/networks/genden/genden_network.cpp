@@ -1,4 +1,4 @@
-// Generative Densification on a backbone: one network for both, by what differs between LaRa's and VS-Splat's.
+// Generative Densification on a backbone: one class for LaRa's and VS-Splat's network, with a traits struct for each.
 #include <utility>
 
 #include "model/networks/genden/genden_model.h"

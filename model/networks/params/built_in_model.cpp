@@ -3,7 +3,8 @@
 #include "runtime/fail.h"
 
 extern "C" {
-// In built_in_model.S. The size is data: a compiler may take it that two objects never have the same address.
+// Defined in built_in_model.S. The size is stored as data, because a compiler may assume that two objects never have
+// the same address.
 extern const std::byte vsplat_built_in_model_begin[];
 extern const std::uint64_t vsplat_built_in_model_bytes;
 }

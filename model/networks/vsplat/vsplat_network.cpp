@@ -38,7 +38,7 @@ class VsplatNetwork : public Network {
     VsplatModel::Trained trained =
         model_.fine_in_training(ctx, std::move(value_in<VsplatModel::CoarseHalf>(half.state)), options);
     Trained out{trained.coarse, trained.final, trained.selected ? trained.selected.dim(0) : 0, trained.rays, {}};
-    if (!config_.has_fine()) out.final = {};  // its one level
+    if (!config_.has_fine()) out.final = {};  // there is only the coarse level
     out.state = std::make_shared<StateOf<VsplatModel::Trained>>(std::move(trained));
     return out;
   }

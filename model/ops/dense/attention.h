@@ -15,7 +15,7 @@ void attention_forward(Context& ctx, const AttentionForward& a);
 
 struct AttentionBackward {
   Tensor qkv, out, stats;  // the forward's
-  Tensor dout;             // [V, T, H * D]: the loss by forward's out
+  Tensor dout;             // [V, T, H * D]: gradient by the forward's out
   Tensor dqkv;             // [V, T, 3, H, D]; written
 };
 

@@ -5,7 +5,7 @@
 
 namespace vsplat {
 
-// Which queries attend to which keys. Every query is in one group, and every key in as many as `places` says.
+// Which queries attend to which keys. Every query is in one group; a key may be in several, as `places` lists.
 struct AttentionGroups {
   Tensor queries;  // i32 [G, L]: each group's rows of q; none: consecutive runs of L rows
   Tensor keys;     // i32 [G, S]: each group's rows of k and v; none: consecutive runs of S rows
@@ -28,11 +28,11 @@ struct CrossAttentionForward {
 void cross_attention_forward(Context& ctx, const CrossAttentionForward& a);
 
 struct CrossAttentionBackward {
-  Tensor q, k, v;  // as forward had them
+  Tensor q, k, v;  // as in the forward
   long heads = 1;
   AttentionGroups groups;
-  Tensor out, stats;  // as forward left them
-  Tensor dout;        // [Q, H D]: the loss by forward's out
+  Tensor out, stats;  // as the forward wrote them
+  Tensor dout;        // [Q, H D]: gradient by the forward's out
   Tensor dq;          // [Q, H D]; written
   Tensor dk, dv;      // [N, H D]; written
 };

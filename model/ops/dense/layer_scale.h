@@ -14,7 +14,7 @@ struct LayerScaleForward {
 void layer_scale_forward(Context& ctx, const LayerScaleForward& a);
 
 struct LayerScaleBackward {
-  Tensor weight, bias, scale;     // as forward had them
+  Tensor weight, bias, scale;     // as in the forward
   Tensor dout_weight, dout_bias;  // gradients of the forward's outputs
   Tensor dweight, dbias, dscale;  // added to
 };

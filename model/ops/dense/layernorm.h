@@ -15,10 +15,10 @@ void layernorm_forward(Context& ctx, const LayerNormForward& a);
 
 // Needs only the forward's inputs and nothing saved: means and deviations are computed again.
 struct LayerNormBackward {
-  Tensor x;      // [R, C], as forward had it
+  Tensor x;      // [R, C], as in the forward
   Tensor gamma;  // [C]; or none
   float eps = 1e-6f;
-  Tensor dy;             // [R, C]: the loss by forward's out
+  Tensor dy;             // [R, C]: gradient by the forward's out
   Tensor dx;             // [R, C], neither x nor dy; written, or with `add` added to
   Tensor dgamma, dbeta;  // [C], added to; none if there is no gamma
   bool add = false;
@@ -38,7 +38,7 @@ struct ModulateForward {
 void modulate_forward(Context& ctx, const ModulateForward& a);
 
 struct ModulateBackward {
-  Tensor x;            // [V, N + P, C], as forward had it
+  Tensor x;            // [V, N + P, C], as in the forward
   Tensor gamma, beta;  // [C]
   Tensor film;         // [V, P, 2 C]
   float eps = 1e-6f;

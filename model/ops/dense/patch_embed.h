@@ -18,9 +18,9 @@ struct PatchEmbedForward {
 void patch_embed_forward(Context& ctx, const PatchEmbedForward& a);
 
 struct PatchEmbedBackward {
-  Tensor images;     // [V, H, W, 3], as forward had them
+  Tensor images;     // [V, H, W, 3], as in the forward
   int patch = 0;     // p
-  Tensor dtokens;    // [V, P + h w, C]: the loss by forward's out
+  Tensor dtokens;    // [V, P + h w, C]: gradient by the forward's out
   Tensor dweight;    // [C, 3, p, p], added to
   Tensor dbias;      // [C], added to
   Tensor dposition;  // as forward's position; written

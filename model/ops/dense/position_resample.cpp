@@ -39,7 +39,7 @@ ResampleAxis bicubic_axis(int from, int to) {
       row.push_back(keys((j - centre + 0.5) / widen));
       sum += row.back();
     }
-    for (double& w : row) w /= sum;  // at the borders, too, where a part of the kernel is cut off
+    for (double& w : row) w /= sum;  // also at the borders, where a part of the kernel is cut off
     axis.first.push_back(first);
     axis.taps = std::max(axis.taps, static_cast<int>(row.size()));
     weights.push_back(std::move(row));
@@ -53,12 +53,12 @@ ResampleAxis bicubic_axis(int from, int to) {
 
 ResampleAxis transposed(const ResampleAxis& axis, int from) {
   const int to = static_cast<int>(axis.first.size());
-  const auto weight = [&](int i, int j) {  // of stored position j in output i
+  const auto weight = [&](int i, int j) {  // the weight of stored position j in output i
     const auto row = static_cast<std::size_t>(i), taps = static_cast<std::size_t>(axis.taps);
     const int tap = j - axis.first[row];
     return tap < 0 || tap >= axis.taps ? 0.0f : axis.weight[row * taps + static_cast<std::size_t>(tap)];
   };
-  // Outputs go on along the axis, and so do those that draw on a position: one run, from its first to its last.
+  // The outputs that use a stored position are consecutive: one run, from the first to the last.
   ResampleAxis out;
   std::vector<std::vector<float>> runs;
   for (int j = 0; j < from; ++j) {

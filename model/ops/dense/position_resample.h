@@ -30,7 +30,7 @@ struct PositionResampleForward {
 void position_resample_forward(Context& ctx, const PositionResampleForward& a);
 
 struct PositionResampleBackward {
-  Tensor dout;           // [1 + t t, C]: the loss by forward's out
+  Tensor dout;           // [1 + t t, C]: gradient by the forward's out
   int from = 0, to = 0;  // g, t
   Tensor dstored;        // [1 + g g, C], added to
   Tensor dclass_token;   // [C], added to

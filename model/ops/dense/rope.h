@@ -19,7 +19,7 @@ void rope_forward(Context& ctx, const RopeForward& a);
 
 struct RopeBackward {
   Tensor dqkv;   // [V, T, 3, H, D]: in place; in: gradients by the rotated q and k, out: by the original ones
-  Tensor turns;  // as forward had them
+  Tensor turns;  // as in the forward
 };
 void rope_backward(Context& ctx, const RopeBackward& a);
 

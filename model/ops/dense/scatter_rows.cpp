@@ -26,7 +26,7 @@ ScatterPlan make_scatter_plan(Context& ctx, const Tensor& index, const Tensor& w
   const auto E = static_cast<unsigned>(entries), R = static_cast<unsigned>(rows);
   Tensor keys = ctx.tensor({entries}, Type::u32, "scatter.keys");
   ctx.launch({"scatter_rows", "scatter_keys", ""}, items(entries), {0, 12 * e}, index, weight, written(keys), E, R);
-  const int bits = std::bit_width(static_cast<std::uint64_t>(rows));  // those passed over have the key `rows`
+  const int bits = std::bit_width(static_cast<std::uint64_t>(rows));  // skipped entries have the key `rows`
   const Sorted sorted = radix_sort(ctx, std::move(keys), Tensor(), bits);
   ScatterPlan plan;
   plan.rows = rows;
@@ -48,7 +48,7 @@ void scatter_rows(Context& ctx, const ScatterRows& a) {
     fail(Status::internal, "scatter_rows: {} entries, {} to a row, from row {} of {}", entries, a.per_row, a.first,
          a.d.describe());
   const long windows = (entries + kWindow - 1) / kWindow;
-  // As check_tile_terms(): there a longer loop over a row's windows could end early, silently.
+  // As in check_tile_terms(): a longer loop over a row's windows could silently end early there.
   if (*tile_defines(ctx.device()) && windows > 65000)
     fail(Status::device, "scatter_rows: {} entries; on {}, which has no vectors, at most {} are possible", entries,
          ctx.device().name, 65000 * kWindow);

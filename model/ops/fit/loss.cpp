@@ -46,19 +46,20 @@ class Loss {
   }
 
  private:
-  static constexpr int kSums = 0, kSquares = 1, kAbsolute = 2;  // as loss_sums has them
+  static constexpr int kSums = 0, kSquares = 1, kAbsolute = 2;  // as in the kernel loss_sums
 
   bool absolute() const { return a_.error == ErrorKind::absolute; }
-  // How many scales have a similarity.
+  // The number of scales that have a similarity.
   long similarities() const { return a_.similarity == SimilarityKind::none ? 0 : static_cast<long>(scales_.size()); }
-  // What an error's slope, d or its sign, is multiplied by.
+  // The factor of an error's slope, which is d or its sign.
   float error_scale() const {
     return (absolute() ? 1.0f : 2.0f) * a_.gradient_scale / static_cast<float>(a_.pictures.count());
   }
 
   Tensor field(const Shape& shape, const char* what) { return ctx_.tensor(shape, Type::f32, what); }
 
-  // For `fields` numbers read and written by each of width x rows x pictures work-items, and as many flops as said.
+  // Launches width x rows x pictures work-items, each of which reads and writes `fields` numbers and performs `flops`
+  // operations.
   void launch(const char* kernel, long width, long rows, long pictures, double flops, double fields,
               const std::vector<KernelArg>& args) {
     const double count = static_cast<double>(width) * static_cast<double>(rows) * static_cast<double>(pictures);
@@ -66,7 +67,7 @@ class Loss {
                 {flops * count, 4 * fields * count}, args);
   }
 
-  // The same of what the flavours do in different ways: on a CPU a work-item has a row.
+  // The same for kernels that differ between the flavours: on a CPU a work-item processes a whole row.
   void launch_blur(const char* kernel, long width, long rows, long pictures, double flops, double fields,
                    const std::vector<KernelArg>& args) {
     if (ctx_.flavour() != Flavour::cpu) return launch(kernel, width, rows, pictures, flops, fields, args);
@@ -89,7 +90,7 @@ class Loss {
            {finer.m, finer.d, written(s.m), written(s.d), finer.height, finer.width});
   }
 
-  // The means of what scale i lacks in similarity, and its slopes.
+  // The mean dissimilarity at scale i, and its slopes.
   void similarity(std::size_t i) {
     Scale& s = scales_[i];
     const long v3 = 3 * s.valid_width(), rows = n_ * s.height;
@@ -103,7 +104,7 @@ class Loss {
     mean(off, s.valid_height() * s.valid_width(), static_cast<long>(i) + 1, kSums);
   }
 
-  // Row `row` of means_: of x [N, pixels, 3], of its squares or its absolute values.
+  // Row `row` of means_: the mean of x [N, pixels, 3], of its squares or of its absolute values.
   void mean(const Tensor& x, long pixels, long row, int of) {
     const long blocks = (pixels + kBlock - 1) / kBlock;
     const Tensor sums = field({n_, blocks, 3}, "loss.sums");
@@ -127,7 +128,7 @@ class Loss {
     return out;
   }
 
-  // Without a similarity.
+  // The gradient if no similarity is computed.
   void error_gradient() {
     const long count = a_.pictures.count();
     launch("loss_error_slopes", count, 1, 1, 3, 3,

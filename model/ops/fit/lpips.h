@@ -23,11 +23,11 @@ void relu(Context& ctx, const Tensor& x);
 // The largest value under the window, which has no padding: [places, places, C].
 Tensor max_pool(Context& ctx, const Tensor& picture, const Window2d& window);
 
-// For each place of two pictures' features: the weighted sum of squares of the difference of their unit vectors.
+// At each position of two pictures' features: the weighted squared difference of their unit vectors.
 struct FeatureDistance {
   Tensor a, b;    // [.., C]
   Tensor weight;  // [C]
-  Tensor out;     // one number for each place: a's elements over C
+  Tensor out;     // one number per position: a's elements over C
 };
 
 void feature_distance(Context& ctx, const FeatureDistance& d);

@@ -12,8 +12,8 @@
 namespace vsplat {
 namespace {
 
-// x p(x^T x) with p(s) = a + b s + c s^2, five times, of a matrix whose norm is 1: steepest at 0, so that small
-// singular values grow soon.
+// Applies x p(x^T x), with p(s) = a + b s + c s^2, five times to a matrix of norm 1. The polynomial is steepest at 0,
+// so that small singular values grow quickly.
 constexpr int kIterations = 5;
 constexpr float kA = 3.4445f, kB = -4.7750f, kC = 2.0315f;
 

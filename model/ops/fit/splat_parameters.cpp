@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-// What the kernels take of Dropping.
+// Dropping, converted to the kernels' arguments.
 struct Drop {
   explicit Drop(const Dropping& d)
       : below(static_cast<unsigned>(static_cast<double>(d.share) * 4294967296.0)),

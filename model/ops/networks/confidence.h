@@ -14,8 +14,8 @@ void confidence_forward(Context& ctx, const ConfidenceForward& a);
 // The choice leaves features unchanged; their gradient is that of feature x confidence.
 struct ConfidenceBackward {
   Tensor x;              // [P, C]: the features
-  Tensor confidence;     // [P], as forward left it
-  bool softmax = false;  // as forward had it
+  Tensor confidence;     // [P], as the forward wrote it
+  bool softmax = false;  // as in the forward
   Tensor dy;             // [P, C]: gradient of the chosen features
   Tensor dx;             // [P, C], written; may be dy
   Tensor dlogits;        // [P], written

@@ -26,7 +26,7 @@ struct DecodeCoarseForward {
 void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a);
 
 struct DecodeCoarseBackward {
-  Tensor raw;              // [R^3, K A], as forward had it
+  Tensor raw;              // [R^3, K A], as in the forward
   long volume = 0;         // R
   GaussianGradients dout;  // K R^3
   Tensor draw;             // [R^3, K A], not raw; written
@@ -45,7 +45,7 @@ struct DecodeFineForward {
 void decode_fine_forward(Context& ctx, const DecodeFineForward& a);
 
 struct DecodeFineBackward {
-  Tensor raw;              // [P, M A], as forward had it
+  Tensor raw;              // [P, M A], as in the forward
   long volume = 0;         // R
   GaussianGradients dout;  // at least P M; the first are read
   Tensor draw;             // [P, M A], not raw; written
@@ -64,7 +64,7 @@ struct DecodePointsForward {
 void decode_points_forward(Context& ctx, const DecodePointsForward& a);
 
 struct DecodePointsBackward {
-  Tensor raw;  // [P, A - 3], as forward had it
+  Tensor raw;  // [P, A - 3], as in the forward
   double unit = 1;
   long row0 = 0;  // Gaussians row0 .. row0 + P - 1 are read
   GaussianGradients dout;
@@ -83,7 +83,7 @@ struct DecodeAdjustedForward {
 void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a);
 
 struct DecodeAdjustedBackward {
-  Tensor raw;        // [P, 3S + 1], as forward had it
+  Tensor raw;        // [P, 3S + 1], as in the forward
   Tensor opacities;  // [P]: the skeleton's
   long row0 = 0;
   GaussianGradients dout;       // Gaussians row0 .. row0 + P - 1 are read

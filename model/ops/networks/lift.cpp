@@ -15,7 +15,7 @@ struct Launch {
   std::string defines;
 };
 
-// One work-item of 16 lanes takes all channels of a voxel, or 32 work-items of 4 share them.
+// One work-item of 16 lanes processes all channels of a voxel, or 32 work-items of 4 lanes share them.
 Launch shape_of(Flavour flavour, long n) {
   const bool cpu = flavour == Flavour::cpu;
   const long count = (n + voxels_per_group - 1) / voxels_per_group;
@@ -23,7 +23,7 @@ Launch shape_of(Flavour flavour, long n) {
           fmt::format("-DLANES={} -DVOXELS={}", cpu ? 16 : 4, voxels_per_group)};
 }
 
-// Four texels a sample and, at the least, every map read once.
+// Moves at least four texels per sample, and every map once.
 Cost cost_of(const Tensor& maps, long n, long views, long c, double per_sample) {
   const double samples = static_cast<double>(n) * static_cast<double>(views) * static_cast<double>(c);
   return {per_sample * samples, static_cast<double>(maps.bytes()) + 4.0 * static_cast<double>(n * c)};

@@ -12,7 +12,7 @@ struct RayHarmonicsForward {
 void ray_harmonics_forward(Context& ctx, const RayHarmonicsForward& a);
 
 struct RayHarmonicsBackward {
-  Tensor rays;   // [R, 6], as forward had them
+  Tensor rays;   // [R, 6], as in the forward
   Tensor dout;   // [R, 32]
   Tensor drays;  // [R, 6]; written
 };

@@ -18,7 +18,7 @@ struct UpscaleForward {
 void upscale_forward(Context& ctx, const UpscaleForward& a);
 
 struct UpscaleBackward {
-  Tensor raw;  // as forward had it
+  Tensor raw;  // as in the forward
   long frequencies = 0;
   double reach = 0, unit = 1;
   Tensor dchildren;  // [P F, 3]

@@ -23,10 +23,10 @@ struct ViewMapsForward {
 void view_maps_forward(Context& ctx, const ViewMapsForward& a);
 
 struct ViewMapsBackward {
-  ViewDrawings drawings;  // as forward had them
+  ViewDrawings drawings;  // as in the forward
   long first = 0;
   bool by_alpha = false;
-  Tensor dmaps;            // [V, S, S, 8]: the loss by forward's maps
+  Tensor dmaps;            // [V, S, S, 8]: gradient by the forward's maps
   ViewDrawings ddrawings;  // written
 };
 void view_maps_backward(Context& ctx, const ViewMapsBackward& a);

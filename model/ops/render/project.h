@@ -20,7 +20,7 @@ inline long tiles_along(long pixels) { return (pixels + kTile - 1) / kTile; }
 Tensor upload_views(Context& ctx, const std::vector<Camera>& cameras, float near,
                     const std::optional<std::array<float, 3>>& mirror);
 
-// Gaussians of a work-item of projection: 1 for compilers that split vectors.
+// Gaussians per work-item of a projection: 1 for compilers that split vectors.
 long projection_width(const Context& ctx);
 // Binds the shapes of a scene's arrays, with `n` as the label of the number of Gaussians; S is set in `d`, too.
 void bind_gaussians(Dims& d, const DeviceGaussians& g, const char* n, GaussianKind kind);

@@ -10,13 +10,13 @@
 namespace vsplat {
 namespace {
 
-// Keys per block: on a CPU enough blocks to share out evenly, but no more, for each has a histogram.
+// Keys per block. On a CPU there are just enough blocks to distribute them evenly, since each has a histogram.
 long block_size(const Context& ctx, const TunedValues& tuned, long n) {
   if (ctx.flavour() == Flavour::gpu) return tuned.at("group") * tuned.at("run");
   return std::clamp(n / (tuned.at("blocks") * std::max(ctx.device().compute_units, 1)), 1024L, 65536L);
 }
 
-// A group has a counter for each item and digit: what a smaller device does not take is left for what it does.
+// A group has a counter for each work-item and digit. If the device cannot run the tuned values, uses the defaults.
 TunedValues tuned_for(const Context& ctx, long n, int bits) {
   const TunedValues asked = ctx.tuned({TunedOp::radix_sort, {n, bits}});
   if (ctx.flavour() == Flavour::cpu) return asked;
@@ -39,7 +39,7 @@ Sorted radix_sort(Context& ctx, Tensor keys, Tensor values, int bits) {
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const TunedValues tuned = tuned_for(ctx, n, bits);
   const int most = static_cast<int>(tuned.at("digit"));
-  // Without any bit to look at one pass still makes the values.
+  // If there are no bits to sort by, one pass is still needed to make the values.
   const int passes = std::max((bits + most - 1) / most, values ? 0 : 1);
   if (passes == 0 || n == 0) return {keys, values ? values : ctx.tensor({n}, Type::u32, "radix_sort.values")};
   const int digit = std::max((bits + passes - 1) / passes, 1);

@@ -8,18 +8,18 @@ namespace vsplat {
 namespace {
 
 constexpr long kColumns = 10;  // of a row of IntersectionGradients
-constexpr long kBatch = 64;    // Gaussians of a tile that a work-item of the cpu flavour looks at together
-// Operations for a pixel and a Gaussian that it sees, a multiply-add being two: its alpha (27: place 2, form 8,
-// exponential 14, the rest 3), transmittance and weight (3), and forward four sums and the weight's (9); backward what
-// the weight is worth (9), what is behind it (1), the slope (5), and ten sums (19) or two pulls (10). Pairs that fall
-// away at 1/255 are looked at, too, and count as none.
+constexpr long kBatch = 64;    // Gaussians of a tile that a work-item of the cpu flavour processes together
+// Operations for a pixel and a Gaussian that it sees; a multiply-add counts as two. Both directions: alpha (27: place
+// 2, form 8, exponential 14, the rest 3), transmittance and weight (3). Forward: four sums and the weight's (9).
+// Backward: the gradient by the weight (9), the part behind the Gaussian (1), the slope (5), and ten sums (19) or two
+// pulls (10). Pairs with an alpha below 1/255 are computed, too, but do not count.
 constexpr double kForwardFlops = 39, kBackwardFlops = 64, kPullFlops = 55;
-constexpr long kBackwardPixels = 4;  // of an item of the gpu flavour's, at the least: fewer items share a sum
+constexpr long kBackwardPixels = 4;  // least pixels of an item in the gpu flavour, so that fewer items share a sum
 
-// Whether blending is that of the cpu flavour: the device must take vectors, too.
+// Whether tiles are blended in blocks, as in the cpu flavour; the device must support vectors for that.
 bool in_blocks(const Context& ctx) { return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4; }
 
-// Bytes of local memory: a record for each item of a group; backward also its number, and sums by parts of 16 items.
+// Bytes of local memory: a record for each item of a group; backward also its index, and sums for each 16 items.
 std::size_t local_bytes(const TileKernel& k, long group) {
   const long each = 4 * k.record + (k.columns ? 4 : 0),
              sums = k.columns ? 4 * k.columns * (group + 2 * (group / 16)) : 0;

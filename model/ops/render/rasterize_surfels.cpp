@@ -7,9 +7,10 @@ namespace {
 
 constexpr long kColumns = 20;  // of a row of IntersectionGradients
 
-// Operations for a pixel and a surfel that it sees, as rasterize.cpp counts them: where the ray meets it and its alpha
-// (43), transmittance and weight (3), and forward five sums (9), of the geometry's maps more (21); backward what the
-// weight, the depth and alpha are worth (20), by the surfel (13) and fifteen sums (22), of the maps more (28).
+// Operations for a pixel and a surfel that it sees, counted as in rasterize.cpp. Both directions: the ray's
+// intersection and alpha (43), transmittance and weight (3). Forward: five sums (9); with maps of the geometry 21 more.
+// Backward: the gradients by weight, depth and alpha (20), by the surfel (13), and fifteen sums (22); with maps 28
+// more.
 constexpr double kSurfelFlops = 55, kSurfelMapsFlops = 21, kSurfelBackwardFlops = 101, kSurfelMapsBackwardFlops = 28;
 
 std::string geometry(bool wanted) { return wanted ? " -DGEOMETRY" : ""; }
@@ -24,7 +25,7 @@ void rasterize_surfels_forward(Context& ctx, const RasterizeSurfelsForward& a) {
   bind_blended(d, a.projected, a.binned, part, p, "20", "rasterize_surfels");
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   const auto each = [](const Tensor& map, double bytes) { return map ? bytes : 0.0; };
-  // As in blending volumes, what must move at the least counts alone.
+  // As for volumes, only the bytes that must move count.
   const bool maps = p.normal || p.median || p.distortion || p.moments;
   const double flops = kSurfelFlops + (maps ? kSurfelMapsFlops : 0);
   const Cost cost{
@@ -55,7 +56,7 @@ IntersectionGradients rasterize_surfels_backward(Context& ctx, const RasterizeSu
   const IntersectionGradients out = make_rows(ctx, d["N"], kColumns);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   const bool more = dp.normal || dp.distortion;
-  // As in drawing, what must move at the least counts alone.
+  // As in drawing, only the bytes that must move count.
   const double flops = kSurfelBackwardFlops + (more ? kSurfelMapsBackwardFlops : 0);
   const Cost cost{0, n * (88.0 + 4.0 * kColumns + 1.0) + pixels * (more ? 80.0 : 40.0), 0, most_blended(n, flops)};
   const TileLaunch l = tile_launch({"rasterize_surfels_backward", "rasterize_surfels_backward_cpu",

@@ -21,7 +21,7 @@ Tensor counts_of(Context& ctx, const Tensor& rects, const Tensor& masks, const T
   return out;
 }
 
-// What both flavours work on.
+// The inputs of both flavours.
 struct Job {
   Context& ctx;
   const Tensor& rects;
@@ -38,7 +38,7 @@ Tensor pairs(const Job& j, const char* what) { return j.ctx.tensor({j.n}, Type::
 void count_and_place(const Job& j, Binned& out) {
   Context& ctx = j.ctx;
   const long tiles = j.part.tiles();
-  // Enough blocks to share out evenly, but no more, for each counts every tile.
+  // Just enough blocks to distribute them evenly, since each counts every tile.
   const long most = blocks_at_most(ctx);
   const long block = std::max((j.v + most - 1) / most, 256L), blocks = std::max((j.v + block - 1) / block, 1L);
   const double v = static_cast<double>(j.v), n = static_cast<double>(j.n);
@@ -65,7 +65,7 @@ void count_and_place(const Job& j, Binned& out) {
              blocks, tiles_x, tiles, static_cast<unsigned>(j.n));
 }
 
-// Pairs are written out near to far and sorted, stably, by tile alone.
+// Writes the pairs near to far, and sorts them stably by tile only.
 void emit_and_sort(const Job& j, Binned& out) {
   Context& ctx = j.ctx;
   const long tiles = j.part.tiles();
@@ -81,7 +81,7 @@ void emit_and_sort(const Job& j, Binned& out) {
                tiles);
   }
   const int bits = std::bit_width(static_cast<std::uint64_t>(std::max(tiles - (j.masks ? 0 : 1), 0L)));
-  // With two things to sort along, what is sorted is where they stand.
+  // If two arrays must follow the sort, their indices are sorted instead.
   const Sorted sorted = radix_sort(ctx, std::move(keys), slots ? Tensor() : gaussians, bits);
   const auto pick = [&](const Tensor& values, const Tensor& to) {
     ctx.launch({"tile_bin", "tile_bin_pick", ""}, items(j.n), {0, 12 * n}, sorted.values, values, written(to), N);

@@ -8,7 +8,7 @@
 namespace vsplat {
 namespace {
 
-// A CPU's work-items each take a good share, a GPU has many of them.
+// A CPU's work-items each process a large block; a GPU has many work-items.
 long block_of(const Context& ctx, long k) {
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const long items = cpu ? 8L * std::max(ctx.device().compute_units, 1) : 4096;

@@ -23,7 +23,7 @@ struct CellMapBackward {
   GridCells cells;
   Tensor codes, points;
   bool all = false;
-  Tensor standing;  // as forward left it
+  Tensor standing;  // as the forward wrote it
   Tensor map;       // i32 [P,27], written: rows of cell_sums()' [2 P, C]
 };
 void cell_map_backward(Context& ctx, const CellMapBackward& a);

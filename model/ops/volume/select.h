@@ -26,10 +26,10 @@ void select_forward(Context& ctx, const SelectForward& a);
 // The selection has no derivative. For the factor of "ste" (straight-through), 0 or 1, the derivative of sigmoid(logit)
 // is used.
 struct SelectBackward {
-  Tensor logits, noise, opacities;  // [n], as forward had them
+  Tensor logits, noise, opacities;  // [n], as in the forward
   Selection selection = Selection::gumbel;
   float temperature = 0.1f;
-  Tensor drefined;    // [n]: the loss by forward's refined
+  Tensor drefined;    // [n]: gradient by the forward's refined
   Tensor dlogits;     // [n], written; or none. "opacity": 0
   Tensor dopacities;  // [n], written; may be drefined
 };

@@ -146,7 +146,7 @@ std::string MtlMaterials::texture_line(const Line& line) {
   return fmt::format("{} {}", kind == "map_kd" ? "map_Kd" : line.word, rest);
 }
 
-// A colour: three numbers, one for all three, or in a form that is not read.
+// Rewrites a colour for assimp: three numbers, or a single grey value repeated. Refuses the forms spectral and xyz.
 std::string MtlMaterials::colour_line(const Line& line) {
   const std::string kind = lower(line.word);
   std::string_view rest = without_comment(line.rest), after = rest;
@@ -160,7 +160,7 @@ std::string MtlMaterials::colour_line(const Line& line) {
   return fmt::format("K{} {}", kind[1], numbers);
 }
 
-// What is said of a material once all of its lines are known.
+// Notes problems of the current material, once all of its lines have been read.
 void MtlMaterials::end_material() {
   if (has_ambient_ && diffuse_file_.empty())
     notes_.push_back(fmt::format("material \"{}\": its texture is of map_Ka alone, which is not drawn; map_Kd is",
