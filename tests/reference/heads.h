@@ -1,4 +1,4 @@
-// The heads in double: three linear layers with SiLU between them, then what their numbers mean.
+// The heads in double: three linear layers with SiLU between them, then the decoding of their outputs.
 #pragma once
 #include <string>
 #include <vector>

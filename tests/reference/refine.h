@@ -22,7 +22,7 @@ struct RefineCase {
 
   std::size_t rows() const { return index.size(); }
 
-  // [P, Ca] and [P, Cb] side by side.
+  // Concatenates [P, Ca] and [P, Cb].
   std::vector<double> concat(const std::vector<double>& a, const std::vector<double>& b) const {
     const std::size_t ca = a.size() / rows(), cb = b.size() / rows();
     std::vector<double> out;
@@ -33,7 +33,7 @@ struct RefineCase {
     return out;
   }
 
-  // Row p is the sum over taps of what the weights [N, taps, C] make of row map[p, tap], plus the bias.
+  // Row p is the sum over taps of the weights [N, taps, C] applied to row map[p, tap], plus the bias.
   std::vector<double> product(const std::string& name, const std::vector<double>& x,
                               const std::vector<int>& map) const {
     const std::vector<double>&w = weights.at(name + ".weight"), &bias = weights.at(name + ".bias");

@@ -19,7 +19,7 @@ struct Volume {
 
 class VolumeNetwork {
  public:
-  // By their names less "volume_network."; may be changed between runs.
+  // By their names without "volume_network."; may be changed between runs.
   std::map<std::string, std::vector<double>> weights;
   Config config;
 

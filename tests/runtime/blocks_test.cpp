@@ -28,7 +28,7 @@ TEST_P(BlockStartsTest, AreTheFirstAndTheLastOfAPlan) {
   EXPECT_EQ(block_starts(*planner, 49, 8), (Starts{0, 8, 16, 48}));
 }
 
-// Pieces of several sizes, taken and given back in another order, block after block.
+// Pieces of several sizes are allocated and freed in different orders, block after block.
 TEST_P(BlockStartsTest, TakeAsMuchInAPlanAsThoseLeftOut) {
   const auto use = [](Context& c, const Starts& starts, long count, long block) {
     const Tensor held = c.tensor({1000});

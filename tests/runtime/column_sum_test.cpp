@@ -29,7 +29,7 @@ TEST_P(ColumnSumTest, MatchesReferenceAtEverySizeThatBreaksThings) {
     }
 }
 
-// Equal values, whose rounding goes one way: added one after the other in float they would be off by some thousandths.
+// Equal values always round in the same direction: added one by one in float, the sum would be off by some thousandths.
 TEST_P(ColumnSumTest, LongSumsKeepTheirDigits) {
   const Tensor x = ctx().upload({1000003, 1}, std::vector<float>(1000003, 1.1f)), out = ctx().tensor({1});
   column_sum(ctx(), {x, out});

@@ -14,7 +14,7 @@ using test::random_floats;
 
 class ComposeRows : public test::FlavourTest {
  protected:
-  // All of RowSource at once, or none of it; `taps` 0: no map.
+  // All features of RowSource at once, or none; `taps` 0: no map.
   void expect_rows(long c0, long c1, bool affine, bool silu, long taps, long row0, long rows) {
     SCOPED_TRACE(
         fmt::format("{} + {} channels, affine {}, silu {}, {} taps, {} rows", c0, c1, affine, silu, taps, rows));

@@ -60,11 +60,11 @@ TEST(Context, DevicesAreFoundByAnyName) {
   EXPECT_EQ(found("Rusticl"), "2");
   EXPECT_EQ(found("portable"), "0");
   EXPECT_EQ(found("micro devices"), "1");
-  EXPECT_EQ(found("amd"), "01");  // which is for the caller to say
+  EXPECT_EQ(found("amd"), "01");  // the caller reports the ambiguity
   EXPECT_EQ(found("intel"), "");
 }
 
-// A stream has memory of its own within the device's limit, and its launches read what the device has made.
+// A stream has its own memory within the device's limit, and its launches read what the device has computed.
 TEST(Context, StreamsShareADevice) {
   auto ctx = open_context(Flavour::cpu);
   const auto stream = ctx->stream();
@@ -77,7 +77,7 @@ TEST(Context, StreamsShareADevice) {
   EXPECT_GT(stream->memory().reserved(), 0u);
   const std::size_t limit = ctx->memory().limits().total, used = ctx->memory().reserved();
   EXPECT_EQ(stream->planner()->memory().limits().total, limit - used);
-  ctx.reset();  // it may go first
+  ctx.reset();  // it may be closed before its stream
   EXPECT_EQ(stream->planner()->memory().limits().total, limit - used) << "its tensor still lives";
   EXPECT_EQ(stream->read<float>(made), data);
 }
@@ -101,7 +101,7 @@ TEST(Context, StopsWhatIsToldToStop) {
   EXPECT_EQ(ctx->read<float>(t), data);
 }
 
-// What a plan says is what the run takes: same allocations, slabs made up front.
+// The plan predicts the run exactly: the same allocations, in slabs that are made in advance.
 TEST(Context, PlanPredictsTheRun) {
   auto ctx = open_context(Flavour::cpu);
   const Tensor weights = ctx->tensor({1000, 1000});
@@ -126,7 +126,7 @@ TEST(Context, PlanPredictsTheRun) {
   EXPECT_EQ(ctx->stage_memory().back().stage, "encoder");
 }
 
-// Some drivers say that their events carry times and report a nanosecond for each: the host's clock stands in there.
+// Some drivers claim to report event times but return a nanosecond for each; then the host's clock is used.
 TEST(Context, ProfilesTimesThatCanBe) {
   auto ctx = open_context(Flavour::cpu);
   const long n = 64;

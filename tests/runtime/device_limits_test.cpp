@@ -1,4 +1,4 @@
-// VSPLAT_LIMITS: what a device claims, lowered and never raised.
+// VSPLAT_LIMITS lowers the limits that a device reports, and never raises them.
 #include "runtime/device_limits.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What is found wrong where machines are as this one is not: GPUs, containers. The rest: tests/cli/doctor_test.py.
+// Findings on machines unlike this one: with GPUs, in containers. tests/cli/doctor_test.py tests the rest.
 #include "runtime/doctor.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A system's files under a folder of its own.
+// A system's files in a temporary folder.
 class System {
  public:
   System() {
@@ -44,7 +44,7 @@ class System {
   fs::path root_;
 };
 
-// With a processor's device, an entry of its driver, and nothing else.
+// A processor's device, its driver's entry, and nothing else.
 Looked with_a_processor() {
   Looked out;
   out.loader = {"/usr/lib/libOpenCL.so.1", true};
@@ -76,7 +76,7 @@ TEST(Doctor, FindsNothingWrongWithAProcessorAlone) {
   EXPECT_TRUE(files.nvidia.empty() && files.amd.empty() && files.render.empty());
 }
 
-// What a self-test has found of a device that is there, with that driver.
+// The findings of a self-test for a present device with that driver.
 TEST(Doctor, TellsWhatSelfTestsFound) {
   Looked looked = with_a_processor();
   looked.devices[0].seen.driver = "3.1";
@@ -169,7 +169,7 @@ TEST(Doctor, TellsAFileThatMayNotBeOpened) {
   ASSERT_TRUE(find(found, "device_file"));
   EXPECT_EQ(find(found, "device_file")->about, node.string());
   EXPECT_NE(find(found, "device_file")->mend.find("`sudo usermod -aG render $USER`"), std::string::npos);
-  // Whoever has a GPU to use needs no other.
+  // If one GPU can be used, no other is needed.
   looked.devices[0].seen.type = "gpu";
   EXPECT_FALSE(find(findings_of(looked), "device_file"));
 }
@@ -197,7 +197,7 @@ TEST(Doctor, TellsAGpuDriverThatGivesNoDevice) {
   EXPECT_FALSE(find(findings_of(looked), "library_without_entry"));
 }
 
-// A variable of the environment, for as long as this lives.
+// Sets an environment variable during its lifetime.
 class DriverVariable {
  public:
   DriverVariable(const char* name, const std::string& value) : name_(name) {

@@ -1,4 +1,4 @@
-// Files and folders that others may be at, too: what is replaced, who writes, what is read.
+// Files and folders that other processes may use, too: replacing, locking, reading.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 

@@ -1,4 +1,4 @@
-// What training takes of the GEMM: operands packed on the device, and products over all rows.
+// GEMM features for training: operands packed on the device, and products over all rows.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -40,7 +40,7 @@ class GemmBackward : public test::FlavourTest {
 };
 VSPLAT_FLAVOURS(GemmBackward);
 
-// The same bits as what the host packs, by either stride.
+// The device packs the same bits as the host, for either order of strides.
 TEST_P(GemmBackward, TheDevicePacksAsTheHostDoes) {
   for (const long k : {1L, 3L, 15L, 63L, 64L, 65L, 130L})
     for (const long n : {1L, 7L, 16L, 31L, 32L, 33L, 97L}) {
@@ -57,7 +57,7 @@ TEST_P(GemmBackward, TheDevicePacksAsTheHostDoes) {
     }
 }
 
-// A part of a matrix, as a Linear's weight by one of two inputs side by side.
+// A part of a matrix, such as a Linear's weight for one of two inputs side by side.
 TEST_P(GemmBackward, APartIsPackedFromItsFirstElementOn) {
   constexpr long rows = 19, all = 37, from = 5, part = 21;
   const auto w = random_floats(elements(rows, all), 1);
@@ -72,7 +72,7 @@ TEST_P(GemmBackward, APartIsPackedFromItsFirstElementOn) {
   EXPECT_THROW(pack_matrix(ctx(), on_device, rows, part, all, 1, "w", all - part + 1), Error);
 }
 
-// Where CLBlast is forced upon the cpu flavour, it has a copy of its own.
+// If CLBlast is forced on the cpu flavour, it has its own copy.
 TEST_P(GemmBackward, ThePlainCopyIsPackedToo) {
   ContextOptions options;
   options.gemm = GemmChoice::clblast;
@@ -94,16 +94,16 @@ TEST_P(GemmBackward, ProductsOverRowsMatchReferenceAtEverySizeThatBreaksThings) 
   expect_product(1300, 130, 133);
 }
 
-// With many columns, the memory suffices for two sums at a time, or for one.
+// With many columns, memory suffices for only one or two sums at a time.
 TEST_P(GemmBackward, SumsAreMadeInSeveralRounds) {
   expect_product(5000, 2800, 3);
   expect_product(2500, 4500, 2);
 }
 
-// All voxels of a 64^3 grid, of one sign, where rounding grows with the number of terms.
+// All voxels of a 64^3 grid with the same sign, so that rounding errors grow with the number of terms.
 TEST_P(GemmBackward, LongSumsKeepTheirDigits) { expect_product(262144, 5, 9, 0.0f, 2e-6); }
 
-// A Linear's three gradients, against differences of its loss: exact ones, since it is linear in each.
+// A Linear's three gradients against differences of its loss, which are exact, since the loss is linear in each.
 TEST_P(GemmBackward, LinearGradientsAreThoseOfDifferences) {
   const long m = 5, n = 6, k = 7;
   ref::GemmCase c;

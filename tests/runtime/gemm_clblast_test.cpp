@@ -1,4 +1,4 @@
-// The same products through CLBlast, which a CPU compiles for ten seconds.
+// The same products with CLBlast, which takes ten seconds to compile on a CPU.
 #include <gtest/gtest.h>
 
 #include "model/diagnose/selftest/reference/gemm.h"
@@ -62,7 +62,7 @@ TEST_P(GemmClblastTest, MatchesReference) {
       gemm(c, r.g);
       EXPECT_TRUE(test::close(c.read<float>(r.g.out), r.c.all(), 1e-5));
       if (!residual) continue;
-      r.g.out = r.g.residual;  // which may be the output
+      r.g.out = r.g.residual;  // the residual may be the output
       gemm(c, r.g);
       EXPECT_TRUE(test::close(c.read<float>(r.g.out), r.c.all(), 1e-5));
     }
@@ -99,7 +99,7 @@ TEST_P(GemmClblastTest, PlanTakesTheSameMemory) {
     r.g.out = r.g.residual;
     gemm(*at, r.g);
   }
-  c.finish();  // at the program's exit the driver may be compiling yet
+  c.finish();  // the driver may still be compiling at exit
   EXPECT_EQ(c.memory().peak_live(), plan->memory().peak_live());
 }
 

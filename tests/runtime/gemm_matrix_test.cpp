@@ -23,7 +23,7 @@ using test::random_floats;
 
 std::size_t numbers(long a, long b) { return static_cast<std::size_t>(a * b); }
 
-// To nearest, ties to even, by the definition: of the two neighbours that have `bits` of significand.
+// Rounds to nearest, ties to even, by the definition: one of the two neighbours with `bits` of significand.
 double rounded(double x, int bits) {
   if (x == 0 || !std::isfinite(x)) return x;
   int exponent = 0;
@@ -65,7 +65,7 @@ ref::GemmCase plain(long m, long n, long k, const std::vector<float>& a, const s
   return c;
 }
 
-// Integers up to 15 in size, of which every operand has all bits: sums below 2^24 are exact in any order.
+// Integers up to 15, which operands represent exactly; sums below 2^24 are exact in any order.
 std::vector<float> integers(std::size_t count, unsigned seed) {
   std::mt19937 engine(seed);
   std::vector<float> out;
@@ -96,8 +96,8 @@ TEST_P(GemmMatrixTest, OfIntegersIsExact) {
   holds(128L * 2 * ctx().device().compute_units + 1, 134, 37);  // enough tiles for the large ones
 }
 
-// |sum of rounded products - sum of products| <= (2 u + u^2) of the products' sizes, u = 2^-bits; summing K of them in
-// floats adds at most K 2^-23 of these, in whatever way units round within a step.
+// |sum of rounded products - sum of products| <= (2 u + u^2) times the sum of the products' magnitudes, u = 2^-bits.
+// Summing K products in floats adds at most K 2^-23 of that, however a unit rounds within a step.
 TEST_P(GemmMatrixTest, IsWithinTheBound) {
   for (const auto& [m, n, k] : {std::array<long, 3>{1, 1, 1},
                                 {3, 7, 1009},
@@ -127,7 +127,7 @@ TEST_P(GemmMatrixTest, IsWithinTheBound) {
   }
 }
 
-// One term, and one column of 1: what comes out is the operand.
+// One term, and one column of 1: the result is the operand.
 TEST_P(GemmMatrixTest, RoundsOperandsToNearestEven) {
   const int bits = bits_of(GetParam()), dropped = 24 - bits;
   std::vector<float> x = {0.0f, -0.0f, 1.0f, -1.0f, 3.14159265f, -2.7182818f, 1e-30f, 65504.0f, INFINITY, -INFINITY};
@@ -150,8 +150,8 @@ TEST_P(GemmMatrixTest, RoundsOperandsToNearestEven) {
   EXPECT_TRUE(std::isnan(product(plain(1, 1, 1, {nan}, {1.0f}))[0]));
 }
 
-// Two sources, affine, SiLU, absent rows, bias, residual and activations: as in fp32, with operands that are rounded.
-// Rows of whole fours take another way into local memory than other rows.
+// Two sources, affine, SiLU, absent rows, bias, residual and activations: as in fp32, but with rounded operands. Rows
+// with a multiple of four elements are loaded into local memory in another way.
 TEST_P(GemmMatrixTest, ComposesAndFinishesAsGemmDoes) {
   const double tolerance = GetParam() == Operands::bf16 ? 8e-3 : 1e-3;
   for (const auto& [c0, c1, n] : {std::array<long, 3>{19, 0, 43}, {19, 5, 43}, {20, 0, 44}, {20, 16, 44}, {20, 5, 44}})
@@ -176,7 +176,7 @@ TEST_P(GemmMatrixTest, ComposesAndFinishesAsGemmDoes) {
         }
 }
 
-// A part of the rows goes to its place, and nothing else is written; the same bits twice.
+// Some of the rows are written to their place, and nothing else is; two runs give the same bits.
 TEST_P(GemmMatrixTest, WritesItsRowsAlone) {
   const auto a = random_floats(numbers(70, 40), 1), w = random_floats(numbers(33, 40), 2);
   MatrixProducts p = upload(plain(70, 33, 40, a, w));
@@ -191,7 +191,7 @@ TEST_P(GemmMatrixTest, WritesItsRowsAlone) {
     EXPECT_EQ(got[i], i / 33 >= 41 && i / 33 < 76 ? all[i - std::size_t{21} * 33] : before[i]) << i;
 }
 
-// Products side by side, whose rows are of lines of five and two more: those of Winograd's method.
+// Products side by side, with rows in lines of five plus two, as in Winograd's method.
 TEST_P(GemmMatrixTest, MultipliesSideBySide) {
   for (const auto& [c, n] : {std::array<long, 2>{18, 21}, {20, 24}}) {
     const long products = 3, lines = 7, line = 5;
@@ -233,8 +233,8 @@ TEST_P(GemmMatrixTest, RefusesWhatDoesNotFit) {
 INSTANTIATE_TEST_SUITE_P(Operands, GemmMatrixTest, ::testing::Values(Operands::bf16, Operands::tf32),
                          [](const auto& info) { return info.param == Operands::bf16 ? "bf16" : "tf32"; });
 
-// gemm() and convolutions in a context of mixed precision: rounded where it pays, and not where it is asked for not to
-// be.
+// gemm() and convolutions in a context of mixed precision round operands if it pays off and exact results are not
+// requested.
 class MixedContextTest : public ::testing::Test {
  protected:
   static std::unique_ptr<Context> open() {

@@ -14,7 +14,7 @@ namespace {
 
 using test::random_floats;
 
-// What to try: sizes, and which parts of the composition and the epilogue are there.
+// A case: sizes, and the parts of the composition and the epilogue that are used.
 struct Try {
   long m, n, k;  // k: of x0
   long c1 = 0;
@@ -38,7 +38,7 @@ ref::GemmCase make_case(const Try& t, std::uint32_t seed = 1) {
     c.a.shift = random_floats(count(t.k + t.c1, 1), seed + 3);
   }
   if (t.taps) {
-    // A third of the rows is absent, in each of the ways a map may say so.
+    // A third of the rows is absent, marked in each of the ways that a map allows.
     std::mt19937 engine(seed + 4);
     for (long i = 0; i < t.m * t.taps; ++i) {
       const long row = static_cast<long>(engine() % static_cast<std::uint32_t>(c.a.rows));
@@ -52,7 +52,7 @@ ref::GemmCase make_case(const Try& t, std::uint32_t seed = 1) {
   return c;
 }
 
-// The case on the device; keeps what its Gemm points to.
+// The case on the device. Owns what its Gemm points to.
 struct OnDevice {
   PackedMatrix b;
   Gemm g;
@@ -77,7 +77,8 @@ std::unique_ptr<OnDevice> upload(Context& ctx, const ref::GemmCase& c) {
   return d;
 }
 
-// float32 sums of k products of numbers up to about 2 err by some 1e-7 sqrt(k) of the largest: 1e-5 covers k = 2000.
+// Float32 sums of k products of numbers up to about 2 have an error of about 1e-7 sqrt(k) of the largest: 1e-5 covers k
+// = 2000.
 constexpr double kTolerance = 1e-5;
 
 class GemmTest : public test::FlavourTest {
@@ -110,7 +111,7 @@ TEST_P(GemmTest, EveryCompositionMatchesReference) {
           expect_matches(t);
           t.k = 32;
           expect_matches(t);
-          t.n = 36;  // rows of whole fours, where c1 is one of them
+          t.n = 36;  // rows of a multiple of four elements
           expect_matches(t);
         }
 }
@@ -126,7 +127,7 @@ TEST_P(GemmTest, EveryEpilogueMatchesReference) {
         }
 }
 
-// GELU over the range in which it is neither 0 nor x, to a few roundings of the largest value.
+// GELU in the range where it is neither 0 nor x, to within a few roundings of the largest value.
 TEST_P(GemmTest, GeluIsExactEverywhere) {
   ref::GemmCase c = make_case({1, 1, 1});
   c.m = c.a.rows = 2000, c.act = 1, c.w = {1.0f}, c.bias = {0.0f};
@@ -137,17 +138,17 @@ TEST_P(GemmTest, GeluIsExactEverywhere) {
   EXPECT_TRUE(test::close(ctx().read<float>(d->g.out), c.all(), 2.5e-7));
 }
 
-// Enough tiles for the gpu flavour to take its large ones, two for each unit, with tails in both directions.
+// Enough tiles that the gpu flavour uses large ones, two per unit, with tails in both directions.
 TEST_P(GemmTest, LargeTilesMatchReference) {
   const long side = 128L * ctx().device().compute_units + 5;
   Try t{side, 134, 37};
   t.residual = true, t.act = Activation::silu;
   expect_matches(t);
-  t.n = 5, t.m = 300;  // and few columns, for which it does not
+  t.n = 5, t.m = 300;  // few columns: no large tiles
   expect_matches(t);
 }
 
-// Values at which a careless exponential overflows.
+// Values at which a naive exponential overflows.
 TEST_P(GemmTest, SiluOfLargeValuesIsFinite) {
   ref::GemmCase c = make_case({1, 1, 1});
   c.m = c.a.rows = 401, c.act = 2, c.w = {1.0f}, c.bias = {0.0f};
@@ -167,14 +168,14 @@ TEST_P(GemmTest, EmptyIsNothing) {
   }
 }
 
-// A sum of nothing is zero: what is left is act(bias) + residual.
+// An empty sum is zero, which leaves act(bias) + residual.
 TEST_P(GemmTest, NoTermsLeaveBiasAndResidual) {
   Try t{5, 7, 0};
   t.residual = true, t.act = Activation::silu;
   expect_matches(t);
 }
 
-// Rows outside the range keep what they held.
+// Rows outside the range stay unchanged.
 TEST_P(GemmTest, RowRangeTouchesOnlyItsRows) {
   for (const long taps : {0L, 3L}) {
     Try t{40, 33, 20};
@@ -192,7 +193,7 @@ TEST_P(GemmTest, RowRangeTouchesOnlyItsRows) {
   }
 }
 
-// A block of A in scratch memory goes to its place in a larger output.
+// A block of A in scratch memory is written to its place in a larger output.
 TEST_P(GemmTest, OutputMayStartElsewhereThanA) {
   const ref::GemmCase c = make_case({9, 33, 20});
   const auto d = upload(ctx(), c);
@@ -226,7 +227,7 @@ TEST_P(GemmTest, LongGathersAreCutIntoPieces) {
   EXPECT_TRUE(test::close(ctx().read<float>(d->g.out), c.all(), kTolerance));
 }
 
-// Where the cpu flavour reads A's rows as they lie; a map that gathers each row as it is has them packed.
+// The cpu flavour reads A's rows in place; with a map that gathers each row unchanged, they are packed.
 TEST_P(GemmTest, RowsThatArePackedGiveTheSameBits) {
   for (const long m : {12, 13, 23, 24, 97, 205})
     for (const long n : {1, 16, 17, 23, 24, 25, 32, 65})

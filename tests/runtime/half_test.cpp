@@ -33,7 +33,7 @@ TEST(Half, BetweenTwoTheNearerIsTakenAndHalfwayTheEvenOne) {
   for (unsigned sign : {0u, 0x8000u})
     for (unsigned bits = 0; bits + 1 < kInfinity; ++bits) {
       const unsigned below = sign | bits, above = sign | (bits + 1);
-      // Exact: a float has the bits for it.
+      // Exact, since a float has enough bits.
       const auto middle = static_cast<float>((value_of(below) + value_of(above)) / 2);
       ASSERT_EQ(to_half(middle), bits % 2 == 0 ? below : above) << middle;
       ASSERT_EQ(to_half(std::nextafter(middle, 0.0f)), below) << middle;
@@ -56,7 +56,7 @@ TEST(Half, BeyondTheLargestIsInfinity) {
 
 TEST(Half, NotANumberStaysOne) {
   EXPECT_TRUE(std::isnan(from_half(to_half(std::numeric_limits<float>::quiet_NaN()))));
-  // One whose payload would be cut off to nothing, which is infinity.
+  // A NaN whose payload would be cut to zero, which would make it infinity.
   EXPECT_TRUE(std::isnan(from_half(to_half(std::bit_cast<float>(0x7f800001u)))));
   EXPECT_TRUE(std::isnan(from_half(0x7c01)));
 }

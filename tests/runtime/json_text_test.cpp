@@ -39,7 +39,7 @@ TEST(JsonText, SaysWhereItIsNone) {
     test::expect_error(Status::format, {"file.json: is not valid JSON"}, [&] { parse_json("file.json", text); });
 }
 
-// Each of some ten thousand members was once followed by a walk over all of them: minutes.
+// Regression: for each of some ten thousand members all of them were visited, which took minutes.
 TEST(JsonText, TakesTimeByItsLength) {
   std::string objects = "{", lists = "[";
   for (int i = 0; i < 200'000; ++i) {

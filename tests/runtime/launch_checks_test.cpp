@@ -1,4 +1,4 @@
-// Faults planted in a kernel, and what finds them.
+// Faults planted in a kernel, and the checks that find them.
 #include "runtime/launch_checks.h"
 
 #include <gtest/gtest.h>
@@ -78,7 +78,7 @@ TEST_F(LaunchChecks, LooksForNanWhereValuesAre) {
 
 TEST_F(LaunchChecks, WhatTheKernelMayWriteIsMarked) {
   const auto ctx = open("nan", nullptr);
-  if (!ctx->device().is_pocl) return;  // other drivers may not tell
+  if (!ctx->device().is_pocl) return;  // other drivers may not report it
   const Tensor x = ctx->upload({1}, std::vector<float>(1, 0.0f)), y = ctx->tensor({1});
   const KernelId pass{"faulty", "pass", ""};
   ctx->launch(pass, items(1, 1), {}, x, written(y));
@@ -90,7 +90,7 @@ TEST_F(LaunchChecks, WhatTheKernelMayWriteIsMarked) {
 
 TEST_F(LaunchChecks, FindsAFloatBesideATensor) {
   const auto ctx = open(nullptr, "guard");
-  // 12 bytes end within the piece that the arena gives for them, 512 with it.
+  // 12 bytes end within the piece that the arena allocates for them, 512 end with it.
   for (const long n : {3L, 128L}) {
     const Tensor before = ctx->tensor({4}), x = ctx->tensor({1, n}, Type::f32, "the tensor"), behind = ctx->tensor({4});
     put(*ctx, written(x), 0, 1);
@@ -107,13 +107,13 @@ TEST_F(LaunchChecks, FindsAFloatBesideATensor) {
 TEST_F(LaunchChecks, ZonesOfOtherTensorsAreLookedAt) {
   const auto ctx = open(nullptr, "guard");
   const Tensor x = ctx->tensor({64}), y = ctx->tensor({64}, Type::f32, "the neighbour");
-  // x, its zone, the zone of y, y: a float behind the end of y.
+  // The layout is x, its zone, y's zone, y: writes a float behind the end of y.
   const long far = static_cast<long>((y.block()->offset() - x.block()->offset()) / sizeof(float)) + 64;
   expect_named(test::refusal([&] { put(*ctx, written(x), far, 1); }, Status::internal),
                {"put", "the neighbour", "no argument of it", "0 bytes behind"});
 }
 
-// What comes of reading beyond a tensor is NaN.
+// Reading beyond a tensor gives NaN.
 TEST_F(LaunchChecks, ZonesAreNan) {
   const auto ctx = open("nan", "guard");
   const Tensor x = ctx->tensor({3, 3}), y = ctx->upload({1}, std::vector<float>(1, 0.0f));
@@ -127,7 +127,7 @@ TEST_F(LaunchChecks, ZonesAreNan) {
                {"sum", "argument 2", "element 0"});
 }
 
-// Memory under guard is planned as it is taken, and given back whole.
+// With guards, plans match the memory used, and all of it is freed.
 TEST_F(LaunchChecks, ZonesAreCounted) {
   const auto ctx = open(nullptr, "guard");
   const auto work = [](Context& c) {

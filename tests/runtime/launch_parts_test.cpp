@@ -1,4 +1,4 @@
-// Long launches in parts: each group once, no part too long, the same bits.
+// Long launches are split: each group runs once, no part is too long, and results have the same bits.
 #include "runtime/launch_parts.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ DeviceInfo small(double flops, std::size_t groups) {
   return d;
 }
 
-// How often each group is launched; every part must be whole groups.
+// How often each group is launched; every part must consist of whole groups.
 std::map<std::array<std::size_t, 3>, int> covered(const std::vector<LaunchPart>& parts, const Range& range) {
   std::map<std::array<std::size_t, 3>, int> out;
   for (const LaunchPart& part : parts) {
@@ -59,7 +59,7 @@ TEST(LaunchParts, HaveEachGroupOnceAndNoneIsTooLong) {
         ASSERT_LE(part.global[1], grid);
         ASSERT_LE(part.global[2], grid);
         const bool is_a_group = part.global == range.local;
-        // Parts of one launch differ by a group in each direction.
+        // Parts of one launch may differ by one group in each direction.
         ASSERT_TRUE(is_a_group || part.cost.flops <= 2 * flops) << part.cost.flops << " of " << flops;
       }
       ASSERT_NEAR(sum.flops, 1e5, 1e-6);
@@ -85,13 +85,13 @@ TEST(LaunchParts, IndicesBeyondADevicesSizesAreRefused) {
   EXPECT_EQ(parts_of(kernel, items((1L << 32) - 64), {}, device).size(), 1u);
   test::expect_error(Status::memory, {"none: 4294967296 work-items", "32 bits"},
                      [&] { (void)parts_of(kernel, items(1L << 32), {}, device); });
-  // By a plan, too, which launches nothing.
+  // The same in a plan, which launches nothing.
   const test::Variable limits("VSPLAT_LIMITS", "size=32");
   const auto planner = test::open_context(Flavour::cpu)->planner();
   test::expect_error(Status::memory, {"32 bits"}, [&] { planner->launch(kernel, items(1L << 32), {}); });
 }
 
-// Every way of asking which group it is, in all directions.
+// All ways in which a kernel can query its group, in all directions.
 TEST(LaunchParts, KernelsKnowTheirPlace) {
   const test::TemporaryFolder folder;
   test::put_file(folder / "common.clh", kernel_text("common.clh"));
@@ -120,7 +120,7 @@ TEST(LaunchParts, KernelsKnowTheirPlace) {
   }
 }
 
-// Products in parts, and in groups of every size, have the bits of whole ones.
+// Products in parts, and in groups of every size, have the same bits as whole ones.
 class Variants : public test::FlavourTest {};
 
 std::vector<float> product(Flavour flavour, const char* text) {

@@ -15,7 +15,7 @@ TEST(Printable, KeepsTextAndReplacesTheRest) {
   EXPECT_EQ(printable("\xff\x80"), "??");
 }
 
-// Names that look like others: U+202E turns what follows round, U+2028 ends a line, U+200B is not seen at all.
+// Names that look like others: U+202E reverses the text after it, U+2028 ends a line, U+200B is invisible.
 TEST(Printable, WhatIsNotSeenIsReplaced) {
   EXPECT_EQ(printable("a\xe2\x80\xaegnp.exe"), "a?gnp.exe");
   EXPECT_EQ(printable("a\xe2\x80\xa8"
@@ -24,14 +24,14 @@ TEST(Printable, WhatIsNotSeenIsReplaced) {
             "a?b?c");
   EXPECT_EQ(printable("\xef\xbb\xbfx\xe2\x80\x8bx\xe2\x81\xa6x\xc2\xadx\xd8\x9c"), "?x?x?x?x?");
   EXPECT_EQ(printable("\xf3\xa0\x81\x81"), "?");          // a tag
-  EXPECT_EQ(printable("\xc2\x85\xc2\xa0"), "?\xc2\xa0");  // a line's end of C1; a blank that is seen
+  EXPECT_EQ(printable("\xc2\x85\xc2\xa0"), "?\xc2\xa0");  // the C1 line end; a visible blank
 }
 
 TEST(Printable, WhatIsNoUtf8IsReplacedByteByByte) {
   EXPECT_EQ(printable("\xed\xa0\x80"), "?");    // a surrogate
-  EXPECT_EQ(printable("\xe0\x80\xae"), "???");  // longer than need be
+  EXPECT_EQ(printable("\xe0\x80\xae"), "???");  // an overlong encoding
   EXPECT_EQ(printable("\xf0\x82\x82\xac"), "????");
-  EXPECT_EQ(printable("\xf4\x90\x80\x80"), "????");  // beyond the last
+  EXPECT_EQ(printable("\xf4\x90\x80\x80"), "????");  // beyond the last code point
 }
 
 TEST(Printable, CutsBetweenCharacters) {

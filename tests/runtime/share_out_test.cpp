@@ -45,7 +45,7 @@ TEST(ShareOut, EachItemOnceAndToldInOrder) {
                  .work =
                      [&](std::size_t worker, std::size_t item) {
                        EXPECT_LT(worker, workers);
-                       if (item % 3 == 0) wait_ms(1);  // so that later ones end first
+                       if (item % 3 == 0) wait_ms(1);  // so that later items end first
                        record.note(worker, item);
                      },
                  .done = [&](std::size_t item) { record.told.push_back(item); }});
@@ -83,7 +83,7 @@ TEST(ShareOut, NoneRunsFurtherAheadThanAllowed) {
                    if (item == 10) wait_ms(30);
                  },
              .done = [&](std::size_t item) { told = item + 1; }});
-  // (`told` is set just before the next may begin, so a lead is at most that.)
+  // (`told` is set just before the next item may begin, so the lead is at most that.)
   EXPECT_LE(furthest, 5u);
   EXPECT_GE(furthest, 3u);
 }
@@ -122,13 +122,13 @@ TEST(ShareOut, OthersDoTheWorkOfALostDevice) {
   }
 }
 
-TEST(ShareOut, ALostDeviceHoldsNobodyUp) {  // the others wait for its item, which one of them must take
+TEST(ShareOut, ALostDeviceHoldsNobodyUp) {  // the others wait for its item, which one of them must do
   Record record(30);
   share_out({.items = 30,
              .workers = 3,
              .work =
                  [&](std::size_t worker, std::size_t item) {
-                   if (item == 2 && worker != 0) {  // the first that is not done, until the others can do nothing else
+                   if (item == 2 && worker != 0) {  // the first unfinished item, once the others can do nothing else
                      wait_ms(20);
                      if (record.times[2].fetch_add(1) == 0) fail(Status::device, "gone");
                      record.times[2] = 0;
@@ -187,7 +187,7 @@ TEST(ShareOut, AnErrorEndsItAndTheFirstItemsIsTold) {
                  .work =
                      [&](std::size_t, std::size_t item) {
                        ++begun;
-                       if (item == 5) wait_ms(10);  // a later one fails before it
+                       if (item == 5) wait_ms(10);  // a later item fails first
                        if (item >= 5) fail(Status::input, "item {}", item);
                      },
                  .done = [&](std::size_t item) { told.push_back(item); }});

@@ -17,7 +17,7 @@ ProfileRow profiled_row(Context& ctx, const std::string& begin, const F& work) {
   work();
   ctx.finish();
   ctx.profiler().enable(false);
-  ProfileRow out;  // rows come by their times, which another program on the processor may turn about
+  ProfileRow out;  // rows are sorted by time, which other programs on the processor may affect
   for (const ProfileRow& row : ctx.profiler().rows())
     if (row.name.rfind(begin, 0) == 0 && (out.calls == 0 || row.flops > out.flops)) out = row;
   return out;

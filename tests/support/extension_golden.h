@@ -1,4 +1,4 @@
-// Vectors of a part of the model by itself: a file of tests/reference/pytorch/make_extensions.py without "model" in its
+// Vectors of a single part of the model: a file of tests/reference/pytorch/make_extensions.py without "model" in its
 // name. Its weights are those of the parameters whose names start with `prefix`.
 #pragma once
 #include <map>

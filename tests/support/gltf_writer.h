@@ -1,4 +1,4 @@
-// glTF files made for tests, as JSON with a buffer beside it or as GLB.
+// Writes glTF files for tests, as JSON with a separate buffer or as GLB.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -10,7 +10,7 @@
 
 namespace vsplat::test {
 
-// A box, 1 x 0.7 x 0.5, of which each face shows the whole texture.
+// A box of 1 x 0.7 x 0.5; each face shows the whole texture.
 struct BoxShape {
   std::vector<float> positions, normals, uv;  // 24 vertices
   std::vector<std::uint16_t> indices;
@@ -41,7 +41,7 @@ class GltfWriter {
  public:
   nlohmann::json json = {{"asset", {{"version", "2.0"}}}, {"scene", 0}, {"scenes", {{{"nodes", {0}}}}}};
 
-  // Numbers of what is made.
+  // Adds an element and returns its index.
   int view(const void* data, std::size_t bytes) {
     while (data_.size() % 4 != 0) data_.push_back(0);
     json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", data_.size()}, {"byteLength", bytes}});
@@ -63,7 +63,7 @@ class GltfWriter {
     const std::size_t count = values.size() / static_cast<std::size_t>(width == 16 ? 16 : width);
     return accessor(view(values), count, 5126, width == 16 ? "MAT4" : types[width]);
   }
-  // Rows of `width` small numbers, each row filled up to four bytes.
+  // Rows of `width` small numbers; each row is padded to a multiple of four bytes.
   template <class T>
   int packed(const std::vector<T>& values, int width, int component, const std::string& type, bool normalized) {
     std::string bytes;
@@ -76,7 +76,7 @@ class GltfWriter {
     json["bufferViews"][static_cast<std::size_t>(at)]["byteStride"] = bytes.size() / count;
     return accessor(at, count, component, type, normalized);
   }
-  // A picture inside the file, and a texture of it.
+  // An embedded picture, and a texture of it.
   int texture(const std::string& file, const std::string& mime) {
     const std::string bytes = contents_of(file);
     json["images"].push_back({{"bufferView", view(bytes.data(), bytes.size())}, {"mimeType", mime}});
@@ -120,7 +120,7 @@ class GltfWriter {
   }
 
  private:
-  // As the first of its buffers.
+  // The JSON with this buffer as its first.
   nlohmann::json with_buffer(const nlohmann::json& first) const {
     nlohmann::json out = json, all = nlohmann::json::array();
     all.push_back(first);

@@ -12,14 +12,14 @@ namespace vsplat::test {
 
 class Golden {
  public:
-  // `name` of a committed file ("micro", "micro_noise": tests/golden/) or of one that the fixture makes
-  // (golden_cases()); or any path that ends in .safetensors.
+  // `name` of a committed file ("micro", "micro_noise": tests/golden/) or of a file made by the fixture
+  // (golden_cases()), or any path that ends in .safetensors.
   static Golden load(const std::string& name) { return Golden(path_of(name)); }
   static std::string path_of(const std::string& name);
   static bool exists(const std::string& name);
 
   const Config& config() const { return config_; }
-  int views() const { return views_; }  // that the network took; `input.*` has two more, for rendering
+  int views() const { return views_; }  // of the network's input; `input.*` has two more, for rendering
   double temperature() const { return temperature_; }
   const Weights& weights() const { return weights_; }
 
@@ -39,23 +39,23 @@ class Golden {
   double temperature_ = 0;
 };
 
-// The cases that the ctest fixture makes where PyTorch is there: tiny, two seeds, 1 and 6 views, noise, every variant;
-// and micro ones, which have gradients.
+// The cases that the ctest fixture makes if PyTorch is installed: tiny with two seeds, 1 and 6 views, noise and every
+// variant, and micro cases, which have gradients.
 const std::vector<std::string>& golden_cases();
 
-// Those of make_extensions.py with the whole model: DINOv3's encoder, and predicted rays under noisy poses. golden_tiny
-// makes them; all have gradients.
+// The cases of make_extensions.py with the whole model: DINOv3's encoder, and predicted rays with noisy poses.
+// golden_tiny makes them; all have gradients.
 const std::vector<std::string>& extension_cases();
-// Two seeds more of them, which golden_tiny_slow makes.
+// Two more seeds of them, made by golden_tiny_slow.
 const std::vector<std::string>& slow_extension_cases();
 
-// Those with all gradients, which golden_train makes, and which golden_train_slow does.
+// The cases with all gradients, made by golden_train, and those made by golden_train_slow.
 const std::vector<std::string>& quick_training_cases();
 const std::vector<std::string>& slow_training_cases();
 
 }  // namespace vsplat::test
 
-// In a test's body: skips it, visibly, where the file has not been made.
+// In a test's body: skips the test, visibly, if the file has not been made.
 #define VSPLAT_NEED_GOLDEN(name)             \
   if (!::vsplat::test::Golden::exists(name)) \
   GTEST_SKIP() << ::vsplat::test::Golden::path_of(name) << " is not there (ctest's golden_tiny makes it, with PyTorch)"

@@ -26,7 +26,7 @@ inline std::vector<Camera> golden_all_cameras(const Golden& golden, const std::s
   return cameras;
 }
 
-// The network's input views as given to it: with their noise.
+// The network's input views with the poses that it receives, including their noise.
 inline std::vector<Camera> golden_cameras(const Golden& golden) {
   const bool noisy = golden.has("input.c2w_given");
   std::vector<Camera> cameras = golden_all_cameras(golden, noisy ? "input.c2w_given" : "input.c2w");
@@ -64,7 +64,7 @@ inline std::vector<int> golden_index(const Golden& golden) {
   return index;
 }
 
-// A tensor of the file, as it is.
+// Uploads a tensor of the file unchanged.
 inline Tensor golden_upload(Context& ctx, const Golden& golden, const std::string& name) {
   const HostTensor t = golden.tensor(name);
   return ctx.upload(t.shape, t.data, Type::f32, name);

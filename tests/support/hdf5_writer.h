@@ -1,4 +1,4 @@
-// HDF5 files in LaRa's layout, made for tests with the HDF5 library.
+// Writes HDF5 files in LaRa's layout for tests, with the HDF5 library.
 #pragma once
 #include <hdf5.h>
 
@@ -20,8 +20,8 @@ class Hdf5Writer {
   Hdf5Writer(const Hdf5Writer&) = delete;
   Hdf5Writer& operator=(const Hdf5Writer&) = delete;
 
-  // An array of the memory type and, in the file, the stored type; in one chunk with gzip where asked for. Groups on
-  // the way are made.
+  // Writes an array of the memory type, in the file as the stored type; on request in one chunk with gzip. Creates
+  // missing groups.
   template <class T>
   void write(const std::string& name, const std::vector<hsize_t>& shape, const std::vector<T>& values, hid_t memory,
              hid_t stored, bool gzip = false) {

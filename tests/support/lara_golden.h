@@ -24,7 +24,7 @@ class PublishedGolden {
   // "lara_micro" and "genden_micro" are committed; golden_tiny makes lara_cases() and genden_cases().
   static PublishedGolden load(const std::string& name);
   static bool exists(const std::string& name);
-  // The checkpoint.
+  // Path of the checkpoint.
   static std::string checkpoint_of(const std::string& name);
 
   const Configuration& config() const { return config_; }
@@ -53,15 +53,15 @@ using LaraGolden = PublishedGolden<LaraConfig>;
 using GendenGolden = PublishedGolden<GendenConfig>;
 using VsplatGendenGolden = PublishedGolden<VsplatGendenConfig>;
 
-// Those that golden_tiny makes where PyTorch is there.
+// The cases that golden_tiny makes if PyTorch is installed.
 const std::vector<std::string>& lara_cases();
 const std::vector<std::string>& genden_cases();
-// Two seeds more, which golden_tiny_slow makes.
+// Two more seeds, made by golden_tiny_slow.
 const std::vector<std::string>& slow_lara_cases();
 const std::vector<std::string>& slow_genden_cases();
 
-// The gradient of every weight is the vectors' `prefix` + its name, or zeros where they have none. Returns how many
-// they have. `rounding`: of weights whose names end so it is 0 but for rounding.
+// Expects the gradient of every weight to equal the vector `prefix` + its name, or zeros if there is none. Returns the
+// number of vectors. `rounding`: gradients of weights whose names end like this are 0 up to rounding.
 template <class Golden>
 int expect_gradients(const Golden& golden, const std::string& prefix,
                      const std::map<std::string, std::vector<float>>& gradients, const std::string& rounding = "") {
@@ -82,7 +82,7 @@ int expect_gradients(const Golden& golden, const std::string& prefix,
 
 }  // namespace vsplat::test
 
-// In a test's body: skips it, visibly, where the file has not been made.
+// In a test's body: skips the test, visibly, if the file has not been made.
 #define VSPLAT_NEED_LARA_GOLDEN(name)            \
   if (!::vsplat::test::LaraGolden::exists(name)) \
   GTEST_SKIP() << (name) << " is not there (ctest's golden_tiny makes it, with PyTorch)"

@@ -1,4 +1,4 @@
-// Cameras around the origin, as the self-test has them.
+// Cameras around the origin, from the self-test.
 #pragma once
 #include "model/diagnose/selftest/inputs/orbit.h"
 

@@ -56,7 +56,7 @@ void write_test_tiff(const std::string& path, int width, int height, int channel
           for (int x = x0; x < x0 + block_w; ++x)
             for (int c = kind.planes ? plane : 0; c < (kind.planes ? plane + 1 : channels); ++c) {
               const std::uint16_t v = x < width && y < height ? samples[(y * width + x) * channels + c] : 0;
-              bytes.push_back(static_cast<std::uint8_t>(v & 0xff));  // libtiff swaps, where it has to
+              bytes.push_back(static_cast<std::uint8_t>(v & 0xff));  // libtiff swaps bytes if necessary
               if (kind.depth == 16) bytes.push_back(static_cast<std::uint8_t>(v >> 8));
             }
         const auto size = static_cast<tmsize_t>(bytes.size());

@@ -28,7 +28,7 @@ class ViewFolder : public test::TemporaryFolder {
   std::filesystem::path touch(const std::string& name) const { return write(name, "x"); }
 };
 
-// Cameras around `centre` that look `off_degrees` past it, each another way.
+// Cameras around `centre` that look past it by `off_degrees`, each in another direction.
 inline std::vector<Camera> ring(int count, const Eigen::Vector3d& centre = Eigen::Vector3d::Zero(), double radius = 2,
                                 double elevation = 0.3, double off_degrees = 0) {
   std::vector<Camera> out;

@@ -1,1 +1,1 @@
-// Nothing: tests_that_compute, whose source this is, holds precompiled headers.
+// Intentionally empty: the only source of the target tests_that_compute, which holds the precompiled headers.

@@ -1,4 +1,4 @@
-// Losses on projected Gaussians, as the self-test has them.
+// Losses on projected Gaussians, from the self-test.
 #pragma once
 #include "model/diagnose/selftest/inputs/projection_rows.h"
 

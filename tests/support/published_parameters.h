@@ -1,6 +1,6 @@
-// What a network's specification says of its parameters at the published size, as `*_reference.py NETWORK published`
-// prints it: lines of "net.view_embed    1 x 4 x 32 x 1 x 1 x 1    parameter" (or "buffer", which is in no model file),
-// and at last how many values they have. More than `least` parameters, `values` values.
+// Compares with the parameters that a network's specification lists at the published size. `*_reference.py NETWORK
+// published` prints lines like "net.view_embed    1 x 4 x 32 x 1 x 1 x 1    parameter" (or "buffer", which is in no
+// model file), and at the end the number of values. Expects more than `least` parameters and exactly `values` values.
 #pragma once
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,4 +1,4 @@
-// Random projected Gaussians in tiles, as the self-test has them.
+// Random projected Gaussians in tiles, from the self-test.
 #pragma once
 #include "model/diagnose/selftest/inputs/records.h"
 

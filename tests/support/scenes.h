@@ -1,4 +1,4 @@
-// Random scenes and cameras, as the self-test has them.
+// Random scenes and cameras, from the self-test.
 #pragma once
 #include "model/diagnose/selftest/inputs/scenes.h"
 

@@ -43,7 +43,7 @@ std::vector<Camera> read_cameras(const SafetensorsFile& file) {
   return cameras;
 }
 
-// picture.* or cotangent.*; what is not there stays empty.
+// Reads picture.* or cotangent.*; missing entries stay empty.
 std::vector<Picture> read_pictures(const SafetensorsFile& file, const std::string& prefix) {
   const int width = number_at(file, "width"), height = number_at(file, "height");
   std::vector<Picture> pictures(static_cast<std::size_t>(number_at(file, "views")));

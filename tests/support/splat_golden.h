@@ -15,7 +15,7 @@ namespace vsplat::test {
 struct SplatGolden {
   Gaussians gaussians;  // quaternions of any length
   std::vector<Camera> cameras;
-  RenderOptions options;          // background, near plane, mirror; of surfels all maps, and the revision
+  RenderOptions options;          // background, near plane, mirror; for surfels all maps, and the revision
   std::vector<Picture> pictures;  // one a camera
   std::vector<Picture> cotangents;
 
@@ -32,16 +32,16 @@ struct SplatGolden {
 };
 
 const std::vector<std::string>& splat_committed();  // small, in tests/golden/splat/
-const std::vector<std::string>& splat_made();       // by the ctest fixture, where PyTorch is there
-// The same of surfels.
+const std::vector<std::string>& splat_made();       // made by the ctest fixture if PyTorch is installed
+// The same for surfels.
 const std::vector<std::string>& surfels_committed();
 const std::vector<std::string>& surfels_made();
-// The committed ones of volumes, and of the others those that are there.
+// The committed cases of volumes, and those of the others that exist.
 std::vector<std::string> splat_present();
 
 }  // namespace vsplat::test
 
-// In a test's body: skips it, visibly, where the file has not been made.
+// In a test's body: skips the test, visibly, if the file has not been made.
 #define VSPLAT_NEED_SPLAT(name)                              \
   if (!::vsplat::test::SplatGolden::exists(name))            \
   GTEST_SKIP() << ::vsplat::test::SplatGolden::path_of(name) \

@@ -1,4 +1,4 @@
-// Random projected surfels in tiles, as the self-test has them.
+// Random projected surfels in tiles, from the self-test.
 #pragma once
 #include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "tests/support/records.h"

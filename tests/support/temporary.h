@@ -29,7 +29,7 @@ class TemporaryFolder {
   std::string operator/(const std::string& name) const { return path(name); }
   const std::string& string() const { return path_; }
 
-  // Names in it, sorted.
+  // Names of its entries, sorted.
   std::vector<std::string> entries() const {
     std::vector<std::string> names;
     for (const auto& entry : std::filesystem::directory_iterator(path_))

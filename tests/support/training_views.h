@@ -1,4 +1,4 @@
-// Views of a step on a device, as the trainer has them.
+// Views of a training step on a device, as the trainer uses them.
 #pragma once
 #include <cstddef>
 

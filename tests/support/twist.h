@@ -1,4 +1,4 @@
-// Motions, as the self-test has them.
+// Motions, from the self-test.
 #pragma once
 #include "model/diagnose/selftest/inputs/twist.h"
 

@@ -30,7 +30,7 @@ inline std::string vectors_name(const ::testing::TestParamInfo<VectorsTest::Para
 
 }  // namespace vsplat::test
 
-// Vectors(names), which are made before the tests run, and those that are made before slow ones.
+// Instantiates a suite for vectors that are made before all tests run, or only before slow tests.
 #define VSPLAT_VECTORS(SUITE, NAMES) \
   INSTANTIATE_TEST_SUITE_P(Kernels, SUITE, ::vsplat::test::in_both_flavours(NAMES), ::vsplat::test::vectors_name)
 #define VSPLAT_SLOW_VECTORS(SUITE, NAMES) \

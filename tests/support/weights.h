@@ -1,4 +1,4 @@
-// Weights that are to be the same to the bit.
+// Comparing weights that must be equal to the bit.
 #pragma once
 #include <gtest/gtest.h>
 

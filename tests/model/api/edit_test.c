@@ -230,7 +230,7 @@ static void write_file(const char* path, const char* text) {
   fclose(file);
 }
 
-/* Other programs learn from a file beside the scene where it lies. */
+/* A file beside the scene states its position for other programs. */
 static void test_offset_file(void) {
   const char *path = "edit_test_far.ply", *beside = "edit_test_far.offset.json";
   const double offset[3] = {1e6, 0.5, -3};
@@ -250,7 +250,7 @@ static void test_offset_file(void) {
   HOLD(!is_there(beside));
   write_file(beside, "{\"scene\": \"another.ply\", \"offset\": [1, 2, 3]}");
   EXPECT(VSPLAT_OK, vsplat_scene_save(near_by, path));
-  HOLD(is_there(beside)); /* it is not this scene's */
+  HOLD(is_there(beside)); /* it does not belong to this scene */
   remove(beside);
   remove(path);
   vsplat_scene_release(far_off);

@@ -1,5 +1,5 @@
-/* vsplat_opencl_picture.rgba: bytes drawn into a program's buffer or image, compared with vsplat_render's, and what is
-   refused. Prints every check that does not hold; exits 1 if any did. */
+/* vsplat_opencl_picture.rgba: bytes drawn into a program's buffer or image are compared with vsplat_render's; invalid
+   requests are refused. Prints every check that fails; exits 1 if any did. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -49,7 +49,7 @@ static void read_bytes(program p, cl_mem from, int is_image, unsigned char* to) 
                  : clEnqueueReadBuffer(p.queue, from, CL_TRUE, 0, bytes, to, 0, NULL, NULL)) == CL_SUCCESS);
 }
 
-/* `to` is a buffer or an image; alone, and beside floats, which are as without it. */
+/* `to` is a buffer or an image. Draws bytes alone, and together with floats, which must be the same as without them. */
 static void draws_bytes(program p, vsplat_device device, vsplat_scene scene, cl_mem to, int is_image) {
   static unsigned char want[2][bytes], got[bytes];
   static float plain[values], beside[values];
@@ -82,7 +82,7 @@ static void draws_bytes(program p, vsplat_device device, vsplat_scene scene, cl_
   clReleaseMemObject(picture.colour);
 }
 
-/* Into a part of a buffer, of which the rest stays as it was. */
+/* Draws into a part of a buffer; the rest stays unchanged. */
 static void draws_bytes_into_a_part(program p, vsplat_device device, vsplat_scene scene) {
   static unsigned char want[bytes], got[bytes + 8192];
   const vsplat_camera camera = make_camera();
@@ -106,7 +106,7 @@ static void draws_bytes_into_a_part(program p, vsplat_device device, vsplat_scen
   clReleaseMemObject(whole);
 }
 
-/* Refused with these words, and nothing is written. */
+/* The call is refused with these words, and writes nothing. */
 static void refuses(vsplat_device device, vsplat_scene scene, const vsplat_opencl_picture* picture, const char* words) {
   const vsplat_camera camera = make_camera();
   cl_event done = NULL;
@@ -135,11 +135,11 @@ static void refuses_buffers(program p, program other, vsplat_device device, vspl
   picture.rgba = picture.alpha = whole;
   refuses(device, scene, &picture, "picture.alpha and picture.rgba share memory");
   picture.alpha = NULL, picture.colour = whole;
-  refuses(device, scene, &picture, "picture.colour is a buffer of"); /* too small, and said so first */
+  refuses(device, scene, &picture, "picture.colour is a buffer of"); /* too small, which is reported first */
   picture.colour = NULL, picture.depth = whole;
   part = clCreateSubBuffer(whole, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &error);
   HOLD(error == CL_SUCCESS);
-  picture.rgba = part; /* bytes 4096 on, of which the depths take 4224 */
+  picture.rgba = part; /* bytes from 4096 on; the depths take 4224 */
   refuses(device, scene, &picture, "picture.depth and picture.rgba share memory");
 
   picture.depth = NULL;
@@ -172,7 +172,7 @@ static void refuses_images(program p, program other, vsplat_device device, vspla
     refuses(device, scene, &picture, cases[i].words);
     clReleaseMemObject(picture.rgba);
   }
-  /* Where floats belong, an image does not. */
+  /* An image is refused where floats are expected. */
   picture.rgba = NULL;
   picture.colour = image_of(p, CL_RGBA, CL_FLOAT, width, height);
   refuses(device, scene, &picture, "picture.colour is no buffer");

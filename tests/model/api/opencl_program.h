@@ -14,7 +14,7 @@ typedef struct program {
   cl_command_queue queue;
 } program;
 
-/* On the device that the library would take. */
+/* On the device that the library would choose. */
 static program make_program(cl_command_queue_properties properties) {
   vsplat_device device = NULL;
   vsplat_opencl_handles h = VSPLAT_OPENCL_HANDLES_INIT;

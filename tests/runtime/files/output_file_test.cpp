@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// In a container each run may have the same number of process.
+// In a container each run may have the same process number.
 TEST(OutputFile, WhatAKilledProcessOfThatNumberHasLeftIsNotInTheWay) {
   const test::TemporaryFolder folder;
   const std::string path = folder.path("t.json");

@@ -21,7 +21,7 @@ using test::contents_of;
 using test::put_file;
 using test::TemporaryFolder;
 
-// A file with this header, whatever it says, and so many bytes of values.
+// A file with this header, valid or not, and so many bytes of values.
 std::string file_of(const std::string& header, std::size_t values) {
   const std::uint64_t length = header.size();
   return std::string(reinterpret_cast<const char*>(&length), 8) + header + std::string(values, '\x01');
@@ -35,7 +35,7 @@ class SafetensorsTest : public ::testing::Test {
     return path;
   }
 
-  // The message of the error that opening such a file makes; fails the test where it makes none.
+  // The error message for this content; the test fails if there is no error.
   std::string refusal(const std::string& content) {
     const std::string path = write(content);
     try {
@@ -98,7 +98,7 @@ TEST_F(SafetensorsTest, FromMemoryAsFromAFile) {
 TEST_F(SafetensorsTest, DamageInMemoryIsNamedToo) {
   const std::string whole = file_of(R"({"v":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}})", 8);
   for (std::size_t bytes = 0; bytes < whole.size(); ++bytes) {
-    // A copy of this size alone: the sanitizers see whatever is read beyond it.
+    // A copy of exactly this size, so that the sanitizers detect reads beyond it.
     const std::vector<char> cut(whole.begin(), whole.begin() + static_cast<long>(bytes));
     try {
       const SafetensorsFile file("some memory", std::as_bytes(std::span(cut)));
@@ -212,7 +212,7 @@ TEST_F(SafetensorsTest, RefusesDamagedHeadersByName) {
   struct Case {
     std::string header;
     std::size_t values;
-    std::string word;  // what the message must hold
+    std::string word;  // must be in the message
   };
   const Case cases[] = {
       {"", 0, "JSON"},

@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder as the kernel's powercap is.
+// A folder like the kernel's powercap.
 class EnergyTest : public ::testing::Test {
  protected:
   EnergyTest() {
@@ -36,8 +36,8 @@ class EnergyTest : public ::testing::Test {
 TEST_F(EnergyTest, CountsEveryPackage) {
   package(0, "1000000");
   package(1, "5000000");
-  package(2, "7", "psys");                // holds the packages
-  put("intel-rapl:0:0", "name", "core");  // is held by one
+  package(2, "7", "psys");                // contains the packages
+  put("intel-rapl:0:0", "name", "core");  // contained in a package
   put("intel-rapl:0:0", "energy_uj", "1");
   put("dtpm", "name", "package-9");
   EnergyMeter meter(rapl_sources(folder.string()));
@@ -56,7 +56,7 @@ TEST_F(EnergyTest, GoesOnWhereTheCounterBeginsAnew) {
   package(0, "262143000000");
   EnergyMeter meter(rapl_sources(folder.string()));
   meter.start();
-  package(0, "671150");  // 328,850 to the range's end, and these
+  package(0, "671150");  // 328,850 to the range's end, plus this
   meter.stop();
   ASSERT_EQ(meter.taken().size(), 1u);
   EXPECT_NEAR(meter.taken()[0].joules, 1.0, 1e-6);

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A cache folder of the test's own.
+// A separate cache folder for the test.
 class PeaksTest : public ::testing::Test {
  protected:
   PeaksTest() : before_(environment("VSPLAT_CACHE_DIR")) {
@@ -54,7 +54,7 @@ TEST_F(PeaksTest, AreMeasuredOnceAndDated) {
   EXPECT_FALSE(known_peaks(*test::open_context(Flavour::gpu))) << "kernels of another flavour reach others";
 }
 
-// Measuring is no part of the run that is profiled.
+// The measurement is not part of the profiled run.
 TEST_F(PeaksTest, AreTakenOutsideTheRunsClock) {
   auto ctx = test::open_context(Flavour::cpu);
   ctx->profiler().enable(true);
@@ -77,7 +77,7 @@ TEST_F(PeaksTest, AreTakenOutsideTheRunsClock) {
   EXPECT_EQ(profile.windows.front().start, begun);
 }
 
-// A little memory is enough for them, or there are none.
+// Little memory is enough to measure, or there are no peaks.
 TEST_F(PeaksTest, LittleMemoryIsNoFault) {
   ContextOptions options;
   options.max_memory_gib = 0.02;

@@ -40,8 +40,8 @@ const HostRow& host_row(const WallSplit& split, const std::string& name) {
   throw std::runtime_error("no row " + name);
 }
 
-// [100, 1100) ns, times `unit`: a call from 150 to 900, in it a file, an upload that a kernel runs into, and a
-// compiler.
+// [100, 1100) ns, times `unit`: a call from 150 to 900 that contains reading a file, an upload that overlaps a kernel,
+// and a compilation.
 Profile example(std::uint64_t unit = 1) {
   Profile out;
   out.windows = {{100, 1100}};
@@ -62,11 +62,11 @@ TEST(ProfileSums, EveryInstantGoesToOnePart) {
   const WallSplit split = split_wall(example());
   EXPECT_EQ(wall_ns(example()), 1000u);
   EXPECT_EQ(at(split.parts, WallPart::device), 200u);               // 400 to 600
-  EXPECT_EQ(at(split.parts, WallPart::upload), 60u);                // 600 to 660: before, the device was at work
+  EXPECT_EQ(at(split.parts, WallPart::upload), 60u);                // 600 to 660: before, the device was busy
   EXPECT_EQ(at(split.parts, WallPart::compile), 50u);               // 350 to 400
   EXPECT_EQ(at(split.parts, WallPart::file), 100u);                 // 200 to 300
   EXPECT_EQ(at(split.parts, WallPart::wait), 50u);                  // 800 to 850
-  EXPECT_EQ(at(split.parts, WallPart::host), 50u + 50 + 140 + 50);  // what is left of 150 to 900
+  EXPECT_EQ(at(split.parts, WallPart::host), 50u + 50 + 140 + 50);  // the rest of 150 to 900
   EXPECT_EQ(at(split.parts, WallPart::other), 50u + 200);           // before and after the call
   EXPECT_EQ(sum_of(split.parts), 1000u);
 }
@@ -81,8 +81,8 @@ TEST(ProfileSums, StagesAddUpToTheWallAndToTheirLaunches) {
   EXPECT_EQ(wall, 1000u);
   EXPECT_EQ(launches, launches_ns(example()));
   EXPECT_EQ(at(stage_of(split, "encoder").parts, WallPart::device), 200u);
-  EXPECT_EQ(at(stage_of(split, "transfer").parts, WallPart::upload), 40u);  // the device's own time of it, 600 to 640
-  EXPECT_EQ(at(stage_of(split, "encoder").parts, WallPart::upload), 20u);   // and what the host took longer
+  EXPECT_EQ(at(stage_of(split, "transfer").parts, WallPart::upload), 40u);  // the device's own time, 600 to 640
+  EXPECT_EQ(at(stage_of(split, "encoder").parts, WallPart::upload), 20u);   // the additional time of the host
   EXPECT_EQ(split.stages.front().stage, "");
 }
 
@@ -96,7 +96,7 @@ TEST(ProfileSums, RowsOfTheHostHaveTheirOwnTimeAndAll) {
   EXPECT_EQ(split.host.front().name, "reconstruct");
 }
 
-// Time in nested spans belongs to the inner one, whichever was reported first.
+// Time in nested spans counts for the inner one, whichever was reported first.
 TEST(ProfileSums, InnerSpansTakeTheirTime) {
   for (const bool inner_first : {true, false}) {
     Profile p;
@@ -124,7 +124,7 @@ TEST(ProfileSums, OnlyWhatLiesInTheWindowsCounts) {
   EXPECT_EQ(host_row(split, "before").calls, 0u);
 }
 
-// Between a new variant's turn and its start the driver compiles it; of one seen before, that is the host's time.
+// Between the turn of a new variant and its start the driver compiles it; for a known variant this is the host's time.
 TEST(ProfileSums, WhatTheDriverTakesForFirstLaunchesIsCompiling) {
   Profile p;
   p.windows = {{0, 1000}};
@@ -141,7 +141,7 @@ TEST(ProfileSums, WhatTheDriverTakesForFirstLaunchesIsCompiling) {
   EXPECT_EQ(at(split.parts, WallPart::device), 20u);
 }
 
-// The host's part of an upload may be that it waits for what the driver compiles.
+// The host's part of an upload may consist of waiting for the driver's compiler.
 TEST(ProfileSums, CompilingGoesBeforeWhatWaitsForIt) {
   Profile p;
   p.windows = {{0, 1000}};
@@ -165,7 +165,7 @@ TEST(ProfileSums, OfNothingNothing) {
 }
 
 TEST(ProfileSums, RowsAreBoundByWhatTakesThemLongestAtThePeaks) {
-  const Peaks peaks{100, 10, 2, ""};  // operations and bytes a nanosecond, microseconds
+  const Peaks peaks{100, 10, 2, ""};  // operations and bytes per nanosecond, microseconds
   ProfileRow r = row("gemm", "encoder", 100'000);
   r.flops = r.performed_flops = 5e6, r.bytes = 1e5;  // 50 us and 10 us
   Roofline roof = roofline_of(r, peaks);
@@ -187,10 +187,11 @@ TEST(ProfileSums, RowsAreBoundByWhatTakesThemLongestAtThePeaks) {
 
 TEST(ProfileSums, ClocksMeetWithinWhatAllAllow) {
   EXPECT_EQ(clock_offset({}), 0);
-  // The device's clock is 1000 ahead: queued at 1105, between 100 and 110 here, and at 1201, between 195 and 220.
+  // The device's clock is ahead by 1000: queued at 1105, between 100 and 110 on the host, and at 1201, between 195 and
+  // 220.
   EXPECT_EQ(clock_offset({{1105, 100, 110}, {1201, 195, 220}}), 1000);
   EXPECT_EQ(clock_offset({{105, 1100, 1110}}), -1000);
-  // Clocks that drift: no such time; the middle of what each would have.
+  // The clocks drift, so no offset fits both: the median of the samples' offsets.
   EXPECT_EQ(clock_offset({{1105, 100, 110}, {2105, 1000, 1010}, {3205, 2000, 2010}}), 1100);
 }
 

@@ -35,7 +35,7 @@ TEST(Profiler, TheWallIsTheClocks) {
   const std::uint64_t on = now_ns();
   compute(*ctx);
   sleep(30);
-  ctx->finish();  // what the device does would win over what the host is at
+  ctx->finish();  // device activity would take precedence over the host's
   {
     const HostSpan span(HostKind::file, "read", "a file");
     sleep(20);
@@ -52,7 +52,7 @@ TEST(Profiler, TheWallIsTheClocks) {
   EXPECT_GE(at(split, WallPart::file), 0.019);
 }
 
-// What was launched lies between the host's calls around it.
+// A launch lies between the host's calls around it.
 TEST(Profiler, LaunchesLieOnTheHostsClock) {
   auto ctx = open_context(Flavour::cpu);
   compute(*ctx);
@@ -105,7 +105,7 @@ TEST(Profiler, CompilingIsARowAndFirstLaunchesAreMarked) {
   EXPECT_EQ(compiles, 1);
 }
 
-// What comes before a device is open counts, from when begin() says on; once.
+// Time before a device is open counts, from the time given to begin() on, and only once.
 TEST(Profiler, BeginsWhereItIsTold) {
   HostLog::of_process().begin(now_ns());
   {
@@ -145,7 +145,7 @@ TEST(Profiler, RecordsWhileItIsOnAlone) {
   EXPECT_FALSE(HostLog::of_process().on());
 }
 
-// A run of more spans than are kept still tells what they lay in, which ends last.
+// In a run with more spans than are stored, the enclosing span, which ends last, is still recorded.
 TEST(Profiler, TheShortestOfTooManySpansAreForgotten) {
   HostLog& log = HostLog::of_process();
   log.hold();

@@ -19,13 +19,13 @@ TEST_F(HostMemoryTest, IsThreeQuartersOfWhatIsFreeUntilItIsSet) {
   set_host_memory_limit(0);
   const double free = static_cast<double>(free_host_memory()), limit = static_cast<double>(host_memory_limit());
   ASSERT_GT(free, 0);
-  EXPECT_NEAR(limit / free, 0.75, 0.1);  // what is free changes
+  EXPECT_NEAR(limit / free, 0.75, 0.1);  // free memory varies
   set_host_memory_limit(12345);
   EXPECT_EQ(host_memory_limit(), 12345u);
 }
 
 TEST_F(HostMemoryTest, IsReservedAndGivenBack) {
-  const std::size_t before = reserved_host_memory();  // by other tests' devices
+  const std::size_t before = reserved_host_memory();  // of other tests' devices
   set_host_memory_limit(before + 1000);
   {
     HostMemory a("a", 600);

@@ -35,7 +35,7 @@ TEST(Messages, WhatIsCutOffIsAnError) {
   }
 }
 
-TEST(Ranks, AloneIsTheFirst) {  // no test is started by mpirun
+TEST(Ranks, AloneIsTheFirst) {  // mpirun starts no test
   Ranks& ranks = Ranks::world();
   EXPECT_EQ(ranks.rank(), 0);
   EXPECT_EQ(ranks.count(), 1);

@@ -1,5 +1,5 @@
-// The way to the operating system: what its callers go by, at sizes of 0 and 1, and where something is missing or in
-// the way.
+// The functions of the operating system: the results that callers rely on, sizes of 0 and 1, and cases in which
+// something is missing or in the way.
 #include "runtime/system/system.h"
 
 #include <gtest/gtest.h>
@@ -111,7 +111,7 @@ TEST(SystemFiles, OpensNothingElse) {
   EXPECT_FALSE(sys::open_to_read(folder / "link", error, sys::Links::refused).good());
   EXPECT_EQ(error, std::errc::too_many_symbolic_link_levels);
   ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
-  const sys::Handle pipe = sys::open_to_read(folder / "pipe", error);  // and does not wait for a writer
+  const sys::Handle pipe = sys::open_to_read(folder / "pipe", error);  // does not wait for a writer
   ASSERT_TRUE(pipe.good());
   EXPECT_EQ(sys::facts_of(pipe, error)->kind, sys::FileFacts::Kind::other);
 }
@@ -304,7 +304,7 @@ class StartedProgram {
     number = sys::start_program("/bin/sh", {"-c", script}, its, "VSPLAT_HIDDEN", error);
     EXPECT_FALSE(error) << error.message();
   }
-  // All that it says to its third descriptor.
+  // All output to its third descriptor.
   std::string heard() const {
     std::string out;
     for (char piece[256];;) {
@@ -321,7 +321,7 @@ class StartedProgram {
 TEST(SystemProgram, SpeaksOnItsThirdDescriptor) {
   sys::set_variable("VSPLAT_HIDDEN_ONE", "no");
   sys::set_variable("VSPLAT_SHOWN_ONE", "yes");
-  const sys::Handle kept(::dup2(2, 50));  // by whoever asks for no O_CLOEXEC
+  const sys::Handle kept(::dup2(2, 50));  // like a handle opened without O_CLOEXEC
   const StartedProgram program("echo \"<$VSPLAT_HIDDEN_ONE$VSPLAT_SHOWN_ONE>\" >&3; ls -d /proc/$$/fd/* >&3; exit 7");
   const std::string heard = program.heard();
   EXPECT_EQ(heard.substr(0, 6), "<yes>\n");

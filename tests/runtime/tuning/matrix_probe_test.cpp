@@ -1,5 +1,5 @@
-// Whether matrix units are tried before they are used: those that are right pass, those that are not, or do not
-// compile, are left out and remembered.
+// Matrix units are tested before use: correct ones pass; wrong ones, and those that do not compile, are left out and
+// recorded.
 #include "runtime/tuning/matrix_probe.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ TEST(MatrixProbe, EmulatedUnitsPass) {
   EXPECT_EQ(wrong_with_matrix_unit(*ctx), "");
 }
 
-// Each a mistake that a back end may have: a row for another, a term for another, coarse sums, a wrong operand.
+// Each is a mistake that a back end may make: a swapped row, a swapped term, coarse sums, a wrong operand.
 TEST(MatrixProbe, FindsWrongUnits) {
   const struct {
     const char *file, *right, *wrong;
@@ -59,7 +59,7 @@ TEST(MatrixProbe, FindsWrongUnits) {
   }
 }
 
-// Units that this device has not: their kernel does not compile, which is remembered by a file of the cache.
+// Units that this device lacks: their kernel does not compile, which a file in the cache records.
 TEST(MatrixProbe, LeavesOutWhatDoesNotCompileAndRemembersIt) {
   const DeviceInfo device = test::context(Flavour::gpu).device();
   if (!device.matrix_units.empty()) GTEST_SKIP() << "a device that may have them";

@@ -29,7 +29,7 @@ TunedValues with(const TunedDeclaration& of, const char* name, long value) {
   return out;
 }
 
-// Sets an environment variable while this lives.
+// Sets an environment variable during its lifetime.
 class Setting {
  public:
   Setting(const char* name, const std::string& value) : name_(name) {
@@ -87,7 +87,7 @@ TEST(TuningLookup, GoesByClass) {
   EXPECT_EQ(tuning.values(Flavour::gpu, {TunedOp::gemm, {1000, 767, 768, 1}}).at("tile"), 0);
   EXPECT_EQ(tuning.values(Flavour::cpu, {TunedOp::gemm, {1000, 768, 768, 1}}).of, &gemm_of(Flavour::cpu));
   EXPECT_EQ(tuning.hash().size(), 64u);
-  tuning.set({TunedOp::gemm, {1000, 768, 768, 1}}, default_values(of));  // as if it had not been there
+  tuning.set({TunedOp::gemm, {1000, 768, 768, 1}}, default_values(of));  // as if it were not in the table
   EXPECT_EQ(tuning.hash(), "");
 }
 
@@ -188,7 +188,7 @@ TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
     EXPECT_EQ(opened->planner()->tuned({TunedOp::gemm, {1000, 768, 768, 1}}), table.trials[0].values);
     std::filesystem::permissions(tuning_path(table.of), std::filesystem::perms::others_write,
                                  std::filesystem::perm_options::add);
-    EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), "");  // others may have written it
+    EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), "");  // other users may have written it
   }
   {
     const Setting off("VSPLAT_TUNING", "off");
@@ -207,7 +207,7 @@ TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
   EXPECT_NE(broken.find("unset VSPLAT_TUNING"), std::string::npos) << broken;
 }
 
-// What a checkpoint says of how its sums were made.
+// What a checkpoint records about the way its sums were computed.
 TEST(HeldTuning, SaysWhatWasSwitchedOff) {
   SwitchedOff off;
   off.winograd = off.tuned = true;
@@ -236,7 +236,8 @@ TEST(HeldTuning, SaysWhatWasSwitchedOff) {
   set_log_sink(nullptr);
 }
 
-// What a self-test has found wrong no context runs with, whichever table has it; another choice for the same is taken.
+// No context uses choices that a self-test has found wrong, whichever table has them; another choice for the same shape
+// is used.
 TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
   const TemporaryFolder folder;
   const Setting cache("VSPLAT_CACHE_DIR", folder / "cache"), judged("VSPLAT_SELFTEST", "");
@@ -260,7 +261,7 @@ TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
     EXPECT_EQ(ctx->tuned(wrong), default_values(of));
     EXPECT_EQ(ctx->tuned(right), all_values(of).back());
     EXPECT_TRUE(ctx->switched_off().tuned);
-    // A training that began with that table gets an error that says so, and that the table must not be used.
+    // A training that began with that table fails with an error that says so, and that the table must not be used.
     write_tuning(kept_tuning_path(hash), table);
     const std::string told = message_of([&] { refuse_other_tuning(*ctx, {{"tuning", hash}}, "run"); });
     for (const std::string& words : {hash.substr(0, 12), std::string("refused"), name})

@@ -107,7 +107,7 @@ TEST_F(VerdictTest, AnUnusableDeviceIsRefusedButWhereItIsIgnored) {
   EXPECT_FALSE(fit_for_use(device_).any());
 }
 
-// Where a group may write to what its members make, as many systems have it, the cache is its owner's still.
+// If new files are writable by the group, as with the umask of many systems, the cache still belongs to its owner.
 TEST_F(VerdictTest, IsBelievedWhateverTheUmask) {
   const mode_t before = ::umask(002);
   const bool remembered = remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"});
@@ -127,7 +127,7 @@ TEST_F(VerdictTest, IsBelievedWhateverTheUmask) {
   restore("VSPLAT_TUNING", tuning);
 }
 
-// A self-test says itself what is switched off, and finds again what it has found before.
+// A self-test decides itself what is switched off, and finds the same errors again.
 TEST_F(VerdictTest, WhoTestsADeviceOpensItAllTheSame) {
   const DeviceInfo device = test::context(Flavour::cpu).device();
   ContextOptions options;
@@ -161,7 +161,7 @@ TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {
     EXPECT_NE(why.find(words), std::string::npos) << why;
 }
 
-// Kernels at hand have a verdict of their own, and none where the cache is the user's.
+// Kernels from a folder have a verdict of their own, which is not stored in the user's default cache.
 TEST_F(VerdictTest, IsOfTheKernelsText) {
   ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
   const std::string embedded = kernels_hash();
