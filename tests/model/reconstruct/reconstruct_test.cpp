@@ -1,5 +1,5 @@
-// Views and a cube in, a scene in the user's own frame out: against the specification's Gaussians, and under motions of
-// the whole rig.
+// Reconstruction from views and a cube to a scene in the user's frame: against the specification's Gaussians, and with
+// the whole rig moved.
 #include "model/reconstruct/reconstruct.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace {
 
 using test::Golden;
 
-// The golden views, as if taken in a world that `motion` makes of the object's.
+// The golden views, moved from the object's frame to a world by `motion`.
 std::vector<PreparedView> golden_views(const Golden& golden, const Similarity& motion) {
   const int edge = golden.config().image;
   const std::vector<float> images = golden.floats("input.images");

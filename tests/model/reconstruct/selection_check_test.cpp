@@ -21,7 +21,7 @@ TEST(SelectionCheck, SharesOfAllAndOfTheFaces) {
   EXPECT_EQ(shares.all, 1);
   EXPECT_EQ(shares.faces, 1);
   EXPECT_EQ(selected_shares({selected.data(), 1}, 1).faces, 1);
-  // Each of the six faces is one.
+  // Each of the six faces counts.
   for (const int axis : {1, R, R * R})
     for (const int at : {0, R - 1}) {
       const int middle = 5 * (1 + R + R * R), voxel = middle + (at - 5) * axis;
@@ -34,8 +34,8 @@ TEST(SelectionCheck, BackgroundIsSeenAtThePicturesEdges) {
   PreparedView white{Image(8, 8, 3, 1.0f), {}}, grey{Image(8, 8, 3, 0.9f), {}}, object = white;
   for (int y = 1; y < 7; ++y)
     for (int x = 1; x < 7; ++x) object.image.at(x, y)[1] = 0;
-  for (int x = 1; x < 6; ++x) object.image.at(x, 7)[2] = 0;  // stands on the picture's edge: 5 of its 28 pixels
-  PreparedView beside = white;                               // a high picture in a square: white to its left and right
+  for (int x = 1; x < 6; ++x) object.image.at(x, 7)[2] = 0;  // at the picture's edge: 5 of its 28 pixels
+  PreparedView beside = white;  // a portrait picture in a square: white to its left and right
   for (int x = 2; x < 6; ++x) beside.image.at(x, 0)[0] = beside.image.at(x, 7)[0] = 0;
   EXPECT_FALSE(shows_background(std::vector{white}));
   EXPECT_TRUE(shows_background(std::vector{grey}));
@@ -48,7 +48,7 @@ TEST(SelectionCheck, BackgroundIsSeenAtThePicturesEdges) {
 TEST(SelectionCheck, SaysWhatToDo) {
   EXPECT_EQ(doubts_about({0.2, 0.05}, 16, true), "");
   EXPECT_EQ(doubts_about({0.6, 0.28}, 16, false), "");  // a box
-  EXPECT_EQ(doubts_about({0.9, 0.9}, 4, true), "");     // of 64 voxels 56 are at faces
+  EXPECT_EQ(doubts_about({0.9, 0.9}, 4, true), "");     // 56 of 64 voxels are at faces
   const std::string background = doubts_about({0.683, 0.263}, 16, true), cut = doubts_about({0.83, 0.59}, 16, false);
   for (const char* word : {"68 %", "26 %", "masks", "alpha", "options.center", "options.auto_frame"})
     EXPECT_NE(background.find(word), std::string::npos) << word << ": " << background;

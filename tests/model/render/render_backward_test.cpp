@@ -54,7 +54,7 @@ class RenderBackwardGolden : public ::testing::TestWithParam<std::tuple<Flavour,
   const std::string& name() const { return std::get<1>(GetParam()); }
 };
 
-// Autograd in double, at scenes that keep clear of thresholds.
+// Compared with autograd in double, on scenes that avoid thresholds.
 TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   VSPLAT_NEED_SPLAT(name());
   const SplatGolden golden = SplatGolden::load(name());
@@ -107,8 +107,9 @@ Picture random_cotangent(int width, int height) {
   return p;
 }
 
-// Against differences of the reference's picture in double. Every Gaussian is wide enough to be over 1/255 in every
-// pixel, faint enough never to be held at 0.99, and few enough for light to come through: no threshold is near.
+// Compared with differences of the reference's picture in double. Every Gaussian is wide enough to exceed 1/255 in
+// every pixel, faint enough never to be limited to 0.99, and there are few enough that light gets through: no threshold
+// is near.
 TEST_P(RenderBackward, MatchesDifferences) {
   Gaussians g;
   g.count = 5;
@@ -184,7 +185,7 @@ TEST_P(RenderBackward, MatchesDifferences) {
   EXPECT_TRUE(test::close(std::vector<double>(got.poses[0].begin(), got.poses[0].end()), pose, 2e-5)) << "pose";
 }
 
-// With little memory, sums are computed in another order, which may be the only difference.
+// With little memory, sums are computed in another order, which is the only difference allowed.
 TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
   const test::SceneCase c{"", 150000, 0, 300, 200, ""};
   const Gaussians g = test::make_scene(c, 12);
@@ -212,7 +213,7 @@ TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
 }
 
-// Drawing once or twice, in one part or in several: the same, for a gradient that depends on the picture.
+// Drawn once or twice, in one part or in several: the same gradients, for a loss that depends on the picture.
 TEST_P(RenderBackward, AlongWithThePictureIsTheSame) {
   const test::SceneCase c{"", 150000, 0, 300, 200, ""};
   const Gaussians g = test::make_scene(c, 12);
@@ -274,7 +275,7 @@ TEST_P(RenderBackward, TakesAScenesChunks) {
   EXPECT_EQ(got.poses, want.poses);
 }
 
-// No derivative by the picture, none by anything.
+// If all derivatives by the picture are zero, so are all results.
 TEST_P(RenderBackward, IsZeroWhereTheLossIs) {
   const test::SceneCase c{"", 100, 1, 40, 40, ""};
   const Gaussians g = test::make_scene(c, 46);

@@ -14,12 +14,12 @@ namespace {
 
 using test::SplatGolden;
 
-// Every value within 1e-4 of the largest (or `least`), their mean within 1e-5: these scenes keep clear of the
-// thresholds at which pixels may flip.
+// Every value within 1e-4 of the largest (or `least`), their mean within 1e-5: these scenes avoid the thresholds at
+// which pixels may flip.
 ::testing::AssertionResult close_pictures(const Image& got, const Image& want, double least) {
   if (got.data.size() != want.data.size())
     return ::testing::AssertionFailure() << got.data.size() << " values, " << want.data.size() << " expected";
-  if (want.empty()) return ::testing::AssertionSuccess();  // a map that volumes lack
+  if (want.empty()) return ::testing::AssertionSuccess();  // volumes lack this map
   double largest = least, sum = 0, worst = 0;
   for (const float v : want.data) largest = std::max(largest, std::abs(static_cast<double>(v)));
   std::size_t at = 0;

@@ -1,4 +1,4 @@
-// Surfels drawn and differentiated whole: as render_test.cpp and render_backward_test.cpp have it for volumes.
+// Surfels drawn and differentiated as a whole, like volumes in render_test.cpp and render_backward_test.cpp.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -64,7 +64,7 @@ void expect_surfels_like_reference(Context& ctx, const Gaussians& g, const Camer
   EXPECT_TRUE(maps_close(got.depth, want.depth, 1)) << "depth";
   EXPECT_TRUE(maps_close(got.normal, want.normal, 1)) << "normal";
   EXPECT_TRUE(maps_close(got.distortion, want.distortion, 1e-3)) << "distortion";
-  // (The median's jumps are as large as it is.)
+  // (The median jumps by as much as its own value.)
   std::size_t off = 0;
   for (std::size_t i = 0; i < want.median.size(); ++i)
     off += !(std::abs(got.median.data[i] - want.median[i]) <= 1e-4 * (1 + want.median[i]));
@@ -75,7 +75,7 @@ TEST_P(RenderSurfels, MatchesReference) {
   for (const SceneCase& c : test::scene_cases()) {
     if (c.count > 1000) continue;
     for (const bool current : {false, true}) {
-      // What the later state draws of a plane near its horizon is as large as it is uncertain.
+      // Near its horizon a plane is drawn by the current revision with an error as large as the value.
       if (current && (c.kind == "near" || c.kind == "large")) continue;
       SCOPED_TRACE(c.name + (current ? ", current" : ""));
       expect_surfels_like_reference(ctx(), test::make_surfels(c, 1), test::make_camera(c, 1), all_maps(current));
@@ -109,7 +109,7 @@ void expect_same(const Picture& got, const Picture& want) {
   EXPECT_EQ(got.distortion.data, want.distortion.data);
 }
 
-// However little memory there is, the maps have the same bits: in parts, and with the scene uploaded in chunks.
+// However little memory there is, the maps have the same bits, whether drawn in parts or uploaded in chunks.
 TEST_P(RenderSurfels, DrawsInPartsWhatDoesNotFit) {
   const SceneCase c{"", 150000, 0, 300, 200, ""};
   const Gaussians g = test::make_surfels(c, 12);
@@ -130,7 +130,7 @@ TEST_P(RenderSurfels, DrawsInPartsWhatDoesNotFit) {
   }
 }
 
-// What a plan says is what a run of several cameras takes, on a device that nothing was done on before.
+// The plan predicts the memory of a run with several cameras, on a device that has not been used before.
 TEST_P(RenderSurfels, PlansWhatItTakes) {
   const SceneCase c{"", 30000, 1, 200, 160, ""};
   const Gaussians g = test::make_surfels(c, 13);
@@ -149,7 +149,7 @@ TEST_P(RenderSurfels, PlansWhatItTakes) {
   EXPECT_EQ(plan->memory().peak(), drawing->memory().peak());
 }
 
-// A picture's cotangents at random, of all maps that have any.
+// Random cotangents of a picture, for all maps that have gradients.
 struct Cotangent {
   Cotangent(Context& ctx, int width, int height, std::uint32_t seed = 41) {
     const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
@@ -195,8 +195,8 @@ void expect_close(const Gaussians& got, const Gaussians& want, double tolerance)
   EXPECT_TRUE(test::close(got.sh, want.sh, tolerance)) << "sh";
 }
 
-// Against differences of the reference's maps in double. Every surfel is seen in every pixel, turned towards the
-// camera, faint, and far from where the low pass decides: no threshold is near.
+// Compared with differences of the reference's maps in double. Every surfel is visible in every pixel, faces the
+// camera, is faint, and stays far from the switch to the low-pass filter: no threshold is near.
 TEST_P(RenderSurfels, MatchesDifferences) {
   Gaussians g;
   g.kind = GaussianKind::surfel;
@@ -269,8 +269,8 @@ TEST_P(RenderSurfels, MatchesDifferences) {
   }
 }
 
-// Seen edge on to the last bit of a float: what the two projections round differently makes no gradient infinite.
-// Such a surfel is drawn as the low pass has it, and its plane says nothing.
+// Surfels seen edge-on, up to the last bit of a float: rounding differences between the two projections make no
+// gradient infinite. Such a surfel is drawn by the low-pass filter only, without its plane.
 TEST_P(RenderSurfels, SeenEdgeOnHasFiniteGradients) {
   Gaussians g;
   g.kind = GaussianKind::surfel;
@@ -281,7 +281,7 @@ TEST_P(RenderSurfels, SeenEdgeOnHasFiniteGradients) {
     const float* r = &at[6 * k];
     const Eigen::Vector3f mean = 0.4f * Eigen::Vector3f(r[0], r[1], r[2]);
     const Eigen::Vector3d ray = (mean.cast<double>() - cam.centre()).normalized();
-    // The normal is across the ray, wherever about it.
+    // The normal is perpendicular to the ray, in any direction about it.
     const Eigen::Quaterniond q = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitX(), ray) *
                                  Eigen::Quaterniond(Eigen::AngleAxisd(3.0 * r[3], Eigen::Vector3d::UnitX()));
     g.means.insert(g.means.end(), {mean.x(), mean.y(), mean.z()});
@@ -302,13 +302,13 @@ TEST_P(RenderSurfels, SeenEdgeOnHasFiniteGradients) {
     EXPECT_TRUE(finite(got.gaussians.quats)) << "quats";
     const auto seen = std::count_if(got.gaussians.opacities.begin(), got.gaussians.opacities.end(),
                                     [](float v) { return v != 0.0f; });
-    // The later one takes the depth from the plane, and leaves such a surfel out.
+    // The current revision takes the depth from the plane, and leaves out such a surfel.
     EXPECT_GT(seen, current ? 0 : 10000);
   }
 }
 
-// In parts, where memory is short, sums are taken in another order, which is all that may differ; in chunks nothing
-// does.
+// In parts, if memory is short, sums are computed in another order, which is the only difference allowed; chunks change
+// nothing.
 TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
   const SceneCase c{"", 70000, 1, 200, 120, ""};
   const Gaussians g = test::make_surfels(c, 47);
@@ -335,7 +335,7 @@ TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
 }
 
-// Drawing once or twice: the same, for a gradient that depends on the maps.
+// Drawn once or twice: the same gradients, for a loss that depends on the maps.
 TEST_P(RenderSurfels, AlongWithThePictureIsTheSame) {
   const SceneCase c{"", 400, 1, 61, 40, ""};
   const Camera cam = test::make_camera(c, 12);

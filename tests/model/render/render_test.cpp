@@ -79,7 +79,7 @@ TEST_P(Render, ObeysTheNearPlane) {
   expect_like_reference(ctx(), test::make_scene(c, 6), test::make_camera(c, 6), options);
 }
 
-// Far from the origin float32 has few digits left for positions, none to lose in differences.
+// Far from the origin, float32 has few digits left for positions, and differences must not lose any more.
 TEST_P(Render, IsExactFarFromTheOrigin) {
   const SceneCase c{"", 300, 1, 64, 64, ""};
   Gaussians g = test::make_scene(c, 7);
@@ -117,7 +117,7 @@ TEST_P(Render, BreaksTiesByIndex) {
   expect_like_reference(ctx(), g, test::make_camera({"", 0, 0, 40, 40, ""}, 9));
 }
 
-// What is not a number, or too large for one, is left out; nothing else is touched by it.
+// Gaussians with values that are not finite or too large are omitted, and affect nothing else.
 TEST_P(Render, LeavesOutWhatIsNotFinite) {
   const SceneCase c{"", 50, 1, 40, 40, ""};
   Gaussians g = test::make_scene(c, 10);
@@ -154,7 +154,7 @@ TEST_P(Render, RefusesCamerasThatCannotBe) {
   EXPECT_THROW(render(ctx(), g, good, options), Error);
 }
 
-// Tiles that a Gaussian does not reach do not matter: the same bits with them and without.
+// Tiles that a Gaussian does not reach make no difference: the bits are the same with and without them.
 TEST_P(Render, ExactTilesChangeNoBit) {
   for (const SceneCase& c : test::scene_cases()) {
     const DeviceGaussians g = upload(ctx(), test::make_scene(c, 31));
@@ -169,7 +169,7 @@ TEST_P(Render, ExactTilesChangeNoBit) {
   }
 }
 
-// However little memory there is, the picture has the same bits: in parts of it, and with the scene uploaded in chunks.
+// However little memory there is, the picture has the same bits, whether drawn in parts or uploaded in chunks.
 TEST_P(Render, DrawsInPartsWhatDoesNotFit) {
   const SceneCase c{"", 150000, 0, 300, 200, ""};
   const Gaussians g = test::make_scene(c, 12);
@@ -197,7 +197,7 @@ TEST_P(Render, RefusesWhatNoPartFitsOf) {
   const SceneCase c{"", 20000, 0, 64, 64, "cluster"};
   const Gaussians g = test::make_scene(c, 12);
   Camera cam = test::make_camera(c, 12);
-  cam.fx = cam.fy = 4;  // all of it within a tile
+  cam.fx = cam.fy = 4;  // everything is within one tile
   ContextOptions options;
   options.max_memory_gib = 0.001;
   const auto small = test::open_context(GetParam(), options);
@@ -209,7 +209,7 @@ TEST_P(Render, RefusesWhatNoPartFitsOf) {
   }
 }
 
-// What a plan says is what a run of several cameras takes, on a device that nothing was done on before.
+// The plan predicts the memory of a run with several cameras, on a device that has not been used before.
 TEST_P(Render, PlansWhatItTakes) {
   const SceneCase c{"", 30000, 1, 200, 160, ""};
   const Gaussians g = test::make_scene(c, 13);
@@ -231,7 +231,8 @@ TEST_P(Render, PlansWhatItTakes) {
   }
 }
 
-// A scene and its camera moved together give the same picture: positions, sizes, rotations and colours went along.
+// A scene moved together with its camera gives the same picture: positions, sizes, rotations and colours are
+// transformed.
 TEST_P(Render, MovesWithItsCamera) {
   const SceneCase c{"", 400, 3, 64, 48, ""};
   Scene scene;
@@ -260,7 +261,7 @@ TEST_P(Render, MovesWithItsCamera) {
   EXPECT_LT(square / static_cast<double>(before.colour.data.size()), 1e-8);  // 80 dB
 }
 
-// Read again and drawn again: the same picture, but for the rounding of logarithms.
+// Written, read and drawn again: the same picture, up to the rounding of logarithms.
 TEST_P(Render, SurvivesThePly) {
   const std::string path = (std::filesystem::temp_directory_path() /
                             ("vsplat_render_test_" + std::to_string(std::random_device()()) + ".ply"))
@@ -281,7 +282,7 @@ TEST_P(Render, SurvivesThePly) {
   std::filesystem::remove(path);
 }
 
-// The specification's own Gaussians drawn, against its pictures.
+// Draws the specification's own Gaussians, and compares with its pictures.
 TEST_P(Render, MatchesTheSpecificationsPictures) {
   for (const std::string& name : test::golden_present()) {
     SCOPED_TRACE(name);
@@ -300,7 +301,7 @@ TEST_P(Render, MatchesTheSpecificationsPictures) {
         alpha.insert(alpha.end(), p.alpha.data.begin(), p.alpha.data.end());
         depth.insert(depth.end(), p.depth.data.begin(), p.depth.data.end());
       }
-      // The file has pictures of more views than the network took.
+      // The file has pictures of more views than the network's input.
       const auto want = [&](const char* part, std::size_t count) {
         std::vector<double> all = test::as_doubles(golden.floats("render." + level + "." + part));
         EXPECT_GE(all.size(), count);

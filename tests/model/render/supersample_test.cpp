@@ -19,7 +19,7 @@ Camera looking(int edge, double focal, double distance) {
 }
 
 TEST(Supersample, AsManyAsMakePixelsNoFiner) {
-  const Detail detail{{0, 0, 0}, 0.01f};  // as of a focal length of 200 from 2
+  const Detail detail{{0, 0, 0}, 0.01f};  // as for a focal length of 200 at distance 2
   EXPECT_EQ(samples_for(detail, looking(512, 500, 2)), 1);
   EXPECT_EQ(samples_for(detail, looking(200, 200, 2)), 1);
   EXPECT_EQ(samples_for(detail, looking(101, 101, 2)), 1);
@@ -28,7 +28,7 @@ TEST(Supersample, AsManyAsMakePixelsNoFiner) {
   EXPECT_EQ(samples_for(detail, looking(64, 64, 2)), 3);
   EXPECT_EQ(samples_for(detail, looking(4, 4, 2)), kMostSamples);
   EXPECT_EQ(samples_for(detail, looking(200, 200, -2)), 1);  // behind the camera
-  EXPECT_EQ(samples_for(detail, looking(800, 200, 20)), 2);  // 10, but no larger than 2048
+  EXPECT_EQ(samples_for(detail, looking(800, 200, 20)), 2);  // 10 by the detail, but the picture may not exceed 2048
   EXPECT_EQ(samples_for(detail, looking(5000, 200, 20)), 1);
   EXPECT_EQ(samples_for({{0, 0, 2}, 0.01f}, looking(200, 200, 2)), 2);  // the object is elsewhere
 }
@@ -47,7 +47,7 @@ TEST(Supersample, DetailIsThatOfTheMiddleCamera) {
 class Supersampled : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Supersampled);
 
-// Each map is the mean of the larger picture's, whatever is off the centre.
+// Each map is the mean of the larger picture's, even if the principal point is off the centre.
 TEST_P(Supersampled, IsTheMeanOfALargerPicture) {
   const test::SceneCase c{"", 300, 1, 37, 21, ""};
   const Gaussians g = test::make_scene(c, 3);

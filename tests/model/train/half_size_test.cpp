@@ -1,4 +1,4 @@
-// Views that are drawn and compared in half the size.
+// Views that are drawn and compared at half size.
 #include "model/train/half_size.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ TEST(HalfSize, TheCameraSeesTheSame) {
   const Camera half = half_size(camera);
   EXPECT_EQ(half.width, 20);
   EXPECT_EQ(half.height, 12);
-  // Pixel (12.5, 7.5) and the three beside it are pixel (6.5, 4) of half the size, about their common corner.
+  // Pixel (12.5, 7.5) and the three around the same corner become pixel (6.5, 4) at half size.
   const double x = (13 - camera.cx) / camera.fx, y = (8 - camera.cy) / camera.fy;
   EXPECT_NEAR(half.fx * x + half.cx, 6.5, 1e-12);
   EXPECT_NEAR(half.fy * y + half.cy, 4, 1e-12);
@@ -55,7 +55,7 @@ TEST(HalfSize, ShareOfTheViews) {
   EXPECT_NE(count(0.3, 1, "pot"), count(0.3, 1, "cup"));
 }
 
-// Two input views and two others, at 24 pixels, of numbers that repeat nowhere.
+// Two input views and two others of 24 pixels, with values that do not repeat.
 TrainingViews views_of_24() {
   const Golden golden = Golden::load("micro");
   TrainingViews out;
@@ -84,7 +84,7 @@ Checkpoint start_with(double share) {
 class HalfSizeTraining : public test::FlavourTest {};
 VSPLAT_FLAVOURS(HalfSizeTraining);
 
-// The error that a step reports, against pictures that are drawn here.
+// The error that a step reports, compared with pictures drawn here.
 TEST_P(HalfSizeTraining, ComparesWithMeansOfFour) {
   const TrainingViews views = views_of_24();
   const Checkpoint start = start_with(1);

@@ -1,4 +1,4 @@
-// LaRa's network trained by the trainer that VS-Splat's is: gradients of the whole loss against PyTorch's, and steps.
+// LaRa's network with the trainer that VS-Splat uses: gradients of the whole loss against PyTorch's, and steps.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -41,7 +41,7 @@ double loss_of(Context& ctx, const PassResult& result) {
   return loss;
 }
 
-// All of them from one pass, in the state dict's order.
+// All gradients of one pass, in the state dict's order.
 std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGolden& golden, const PassOptions& options,
                                                     double* loss = nullptr) {
   const LearntWeights weights(ctx, parameters(golden.config()), golden.weights());
@@ -94,7 +94,7 @@ TEST_P(LaraTraining, GradientsOfTheLossMatch) {
     EXPECT_TRUE(test::close(values, golden.floats("grad." + weight), 1e-4)) << weight;
 }
 
-// Taken together, since a flipped pixel moves single ones.
+// All gradients are compared together, since a flipped pixel changes single ones.
 TEST_P(LaraTrainingVectors, GradientsOfTheLossMatch) {
   VSPLAT_NEED_LARA_GOLDEN(name());
   const LaraGolden golden = LaraGolden::load(name());
@@ -103,7 +103,7 @@ TEST_P(LaraTrainingVectors, GradientsOfTheLossMatch) {
   expect_like_pytorch(golden, loss, got);
 }
 
-// Until the second level begins, the fine decoder has no gradient; what has one then has another.
+// Until the second level begins, the fine decoder has no gradient; afterwards all gradients change.
 TEST_P(LaraTraining, WithoutTheSecondLevel) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   PassOptions options = whole_loss(golden);
@@ -144,8 +144,8 @@ Checkpoint start_of(const LaraGolden& golden) {
   return out;
 }
 
-// It learns the pictures; a checkpoint on the way has all that is needed to go on with the same bits, also where the
-// loss grew on the way.
+// The training reproduces the pictures. A checkpoint on the way suffices to continue with the same bits, also if the
+// loss gets a new term in between.
 TEST_P(LaraTraining, StepsLearnAndGoOn) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   const TrainingViews views = views_of(golden);

@@ -1,4 +1,4 @@
-// Training where poses are noisy, and rays predicted.
+// Training with noisy poses and predicted rays.
 #include <gtest/gtest.h>
 
 #include "model/base/pose_noise.h"
@@ -71,7 +71,7 @@ TEST_P(NoisyPoses, NoiseFollowsFromTheSeedAndTheStep) {
   const auto losses = [&](double sigma, const std::string& poses, std::uint64_t seed) {
     Checkpoint start = start_of(sigma, poses);
     start.config.seed = seed;
-    start.config.schedule.lr = 1e-9;  // the weights stay
+    start.config.schedule.lr = 1e-9;  // the weights hardly change
     const std::vector<float> still(static_cast<std::size_t>(start.config.model.noise()), 0.0f);
     Trainer trainer(ctx(), start);
     std::vector<double> out;

@@ -153,7 +153,7 @@ TEST(Report, WhatIsMissingOrDamagedIsTold) {
   EXPECT_TRUE(data["runs"][0]["config"].is_null());
   for (const char* words : {"config.json: is not valid JSON", "record.json: is no JSON object"})
     EXPECT_NE(all_notes(data).find(words), std::string::npos) << all_notes(data);
-  // One of the two is enough; neither is no run.
+  // One of the two files is enough; without both it is not a run.
   fs::remove(run + "/config.json");
   EXPECT_EQ(report({run})["runs"][0]["stages"].size(), 1);
   put_file(run + "/config.json", "{}");
@@ -176,7 +176,7 @@ TEST(Report, StagesStandOneAfterAnother) {
     put_run(stage, kHeader + line(10 * i), fmt::format("{{\"steps\": {}}}", 10 * i));
     put_sheet(stage, 10 * i, kPng + "s");
   }
-  put_file(run / "config.json", R"({"stages": [{"steps": 10}, {"steps": 20}]})");  // a third is there from before
+  put_file(run / "config.json", R"({"stages": [{"steps": 10}, {"steps": 20}]})");  // a third stage remains from before
   const auto steps = [](const json& of_run) {
     std::vector<double> out;
     for (const json& stage : of_run["stages"]) out.push_back(stage["log"]["columns"]["step"][0]);
@@ -204,7 +204,7 @@ TEST(Report, ALongLogIsMerged) {
   EXPECT_EQ(columns["step"][1666], 5001.0);
   EXPECT_EQ(columns["seconds"][0], 6.0);
   EXPECT_EQ(columns["loss"][0], 0.5);
-  EXPECT_EQ(columns["most_selected"][1], 6.0);  // of 4, 5 and 6
+  EXPECT_EQ(columns["most_selected"][1], 6.0);  // the maximum of 4, 5 and 6
 }
 
 TEST(Report, SheetsAreBoundedAndNothingElse) {
@@ -222,7 +222,7 @@ TEST(Report, SheetsAreBoundedAndNothingElse) {
   EXPECT_EQ(of_run["sheets_left_out"], 30 - of_run["sheets"].size());
   EXPECT_EQ(of_run["sheets"].front()["step"], 1);
   EXPECT_EQ(of_run["sheets"].back()["step"], 30);
-  // No picture, and no link to what lies elsewhere.
+  // Rejected sheets: a link out of the run, a file that is no picture, and one that is too large.
   fs::remove_all(run + "/sheets");
   fs::create_directories(run + "/sheets");
   put_file(folder / "secret.png", kPng + "secret");

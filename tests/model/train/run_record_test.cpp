@@ -76,11 +76,11 @@ TEST(RunRecord, GoesOnWithTheDevicesBefore) {
   ASSERT_EQ(parts.size(), 2);
   EXPECT_EQ(parts[0]["last"], 30);
   EXPECT_EQ(parts[1]["first"], 30);
-  // From a checkpoint before that device's steps, as if they had never been.
+  // Continued from a checkpoint before that device's steps, which are then dropped.
   parts = run(path, 30, 60, on("c"));
   ASSERT_EQ(parts.size(), 2);
   EXPECT_EQ(parts[1]["device"], "c");
-  // And started again.
+  // Started again from the beginning.
   EXPECT_EQ(run(path, 0, 10, on("d")).size(), 1);
 }
 

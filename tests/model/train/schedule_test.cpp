@@ -58,7 +58,7 @@ TEST(Schedule, ExtensionsAreCosinesOfTheirOwnAndChangeNothingBeforeThem) {
   const auto cosine = [](long step, long warmup, long steps) {
     return 5e-4 * (1 + std::cos(M_PI * static_cast<double>(step - warmup) / static_cast<double>(steps - warmup)));
   };
-  EXPECT_DOUBLE_EQ(learning_rate(more, 101), 1e-3 / 4);  // a fiftieth of 200 steps to rise
+  EXPECT_DOUBLE_EQ(learning_rate(more, 101), 1e-3 / 4);  // warm-up takes a fiftieth of 200 steps
   EXPECT_DOUBLE_EQ(learning_rate(more, 104), 1e-3);
   EXPECT_DOUBLE_EQ(learning_rate(more, 202), cosine(102, 4, 200));
   EXPECT_NEAR(learning_rate(more, 300), 0, 1e-18);

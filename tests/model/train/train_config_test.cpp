@@ -120,12 +120,12 @@ TEST(TrainConfig, LarasNetworkBySystem) {
   EXPECT_EQ(c.normal_weight, 0.2);
   EXPECT_EQ(train_config_from_json(to_json(c)), c);
   EXPECT_EQ(to_json(train_config_from_json(to_json(c))), to_json(c));
-  // As published, at its length.
+  // The published configuration at its full length.
   const TrainConfig whole = train_config_from_json(R"({"model": {"system": "lara", "base": "published"}})");
   EXPECT_EQ(whole.model, AnyConfig(LaraConfig()));
   EXPECT_EQ(whole.fine_after, 5000);
   EXPECT_EQ(whole.surface_after, 1000);
-  // Volumes have no surface.
+  // Volumes have no surface terms.
   const TrainConfig flat =
       train_config_from_json(R"({"model": {"system": "lara", "base": "tiny", "kind": "gaussian"}})");
   EXPECT_EQ(flat.distortion_weight, 0);

@@ -1,4 +1,4 @@
-// A step's gradients in parts: the sum in the order of parts, whoever computed them.
+// A step's gradients in shards: the sum follows the order of the shards, whichever device computed them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace {
 
 using test::Golden;
 
-constexpr long kObjects = 5;  // parts of one and of two
+constexpr long kObjects = 5;  // shards of one and of two objects
 
 class TrainerParts : public ::testing::Test {
  protected:
@@ -29,7 +29,7 @@ class TrainerParts : public ::testing::Test {
     first.cameras = test::golden_all_cameras(golden_);
     first.inputs = golden_.views();
     first.background = {1, 1, 1};
-    for (long i = 0; i < kObjects; ++i) {  // each another picture: what is mixed up shows
+    for (long i = 0; i < kObjects; ++i) {  // each has another picture, so that mixed-up objects show
       views_.push_back(first);
       for (float& value : views_.back().pictures) value *= 1 - 0.13f * static_cast<float>(i);
     }
@@ -45,7 +45,7 @@ class TrainerParts : public ::testing::Test {
     out.config.parts = parts;
     return out;
   }
-  // After so many steps on `flavours`, the first of which is the optimiser's.
+  // The state after so many steps on `flavours`, the first of which runs the optimiser.
   Checkpoint trained(const Checkpoint& start, const std::vector<Flavour>& flavours, int steps) {
     std::vector<Context*> contexts;
     int taken[2] = {};
@@ -54,7 +54,7 @@ class TrainerParts : public ::testing::Test {
     for (int i = 0; i < steps; ++i) reports_.push_back(trainer.step(items_));
     return trainer.checkpoint();
   }
-  // The n-th of that flavour; they stay, so that kernels compile once.
+  // The n-th context of that flavour, kept so that kernels compile once.
   static Context& context(Flavour flavour, int n) {
     std::unique_ptr<Context>& slot = contexts_[{flavour == Flavour::gpu, n}];
     if (!slot) slot = test::open_context(flavour);
@@ -76,8 +76,8 @@ class TrainerParts : public ::testing::Test {
   std::vector<StepReport> reports_;
 };
 
-// The gradient of a step in parts is the mean over all its objects, as it is of a step at once; Adam's first moments of
-// the first step are that gradient but for factors.
+// The gradient of a step in shards is the mean over all of its objects, as in a step at once. Adam's first moments
+// after the first step are that gradient up to factors.
 TEST_F(TrainerParts, TheSumIsThatOfAllObjects) {
   const Checkpoint whole = trained(with_parts(1), {Flavour::cpu}, 1);
   for (const long parts : {2L, 3L, kObjects}) {
@@ -97,7 +97,7 @@ TEST_F(TrainerParts, HowManyDevicesChangesNoBit) {
   EXPECT_EQ(one.state, (std::map<std::string, std::string>{{"precision", "fp32"}, {"tuning", ""}}));
   expect_equal(one, trained(with_parts(3), {Flavour::cpu, Flavour::cpu}, 3));
   const Checkpoint three = trained(with_parts(3), {Flavour::cpu, Flavour::cpu, Flavour::cpu}, 2);
-  expect_equal(one, trained(three, {Flavour::cpu, Flavour::cpu}, 1));  // resumed with fewer
+  expect_equal(one, trained(three, {Flavour::cpu, Flavour::cpu}, 1));  // resumed with fewer devices
   const Checkpoint other = trained(with_parts(2), {Flavour::cpu, Flavour::cpu}, 3);
   std::size_t different = 0;
   for (const auto& [name, value] : one.parameters.all()) different += value.data != other.parameters.at(name).data;
@@ -129,7 +129,7 @@ TEST_F(TrainerParts, OtherKindsAreTold) {
   EXPECT_EQ(after.state.count("part_devices"), 0U);
 }
 
-// A helper on which the weights fit, and an object does not.
+// A helper that has memory for the weights, but not for an object.
 TEST_F(TrainerParts, OthersDoTheWorkOfOneThatFails) {
   const Checkpoint wanted = trained(with_parts(kObjects), {Flavour::cpu}, 2);
   const std::unique_ptr<Context> empty_one = test::open_context(Flavour::cpu), planner = empty_one->planner();

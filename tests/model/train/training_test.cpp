@@ -1,4 +1,4 @@
-// Gradients of everything, and steps of the optimiser, against PyTorch's.
+// Gradients of all parameters, and steps of the optimiser, against PyTorch's.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -157,7 +157,7 @@ const auto kQuick = ::testing::ValuesIn(test::quick_training_cases());
 const auto kSlow = ::testing::ValuesIn(test::slow_training_cases());
 INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::cpu), kQuick), case_name);
 INSTANTIATE_TEST_SUITE_P(SlowCases, GoldenGradients, ::testing::Combine(kFlavours, kSlow), case_name);
-// Three times as long on a CPU: some of them quick.
+// Takes three times as long on a CPU, so only some cases are quick.
 INSTANTIATE_TEST_SUITE_P(Slow, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::gpu), kQuick), case_name);
 INSTANTIATE_TEST_SUITE_P(Some, GoldenGradients,
                          ::testing::Combine(::testing::Values(Flavour::gpu),
@@ -175,8 +175,8 @@ INSTANTIATE_TEST_SUITE_P(SlowExtensions, GoldenGradients,
 class Training : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Training);
 
-// What the alpha's loss adds to the gradients by the Gaussians is that of alpha_weight times the mean over views and
-// pixels of |alpha - given|, worked out by hand from what was drawn; views without a mask have none.
+// The alpha loss adds, to the gradients by the Gaussians, those of alpha_weight times the mean over views and pixels of
+// |alpha - given|, computed here from what was drawn; views without a mask add nothing.
 TEST_P(Training, TheAlphasLossComesOnTop) {
   const Golden golden = Golden::load("micro");
   const Config& config = golden.config();
@@ -229,7 +229,7 @@ TEST_P(Training, TheAlphasLossComesOnTop) {
       << "what is reported";
 }
 
-// Ten steps of AdamW, clipped, warmed up and annealed, with PyTorch's noise.
+// Ten steps of AdamW with clipping, warm-up and annealing, with PyTorch's noise.
 TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
   VSPLAT_NEED_GOLDEN("train_steps");
   const Golden golden = Golden::load("train_steps");
@@ -252,8 +252,8 @@ TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
   EXPECT_LT(want.back(), want.front() - 1e-3f) << "the reference learns nothing: nothing is tested";
 }
 
-// Each parameter of a step goes where its optimiser would take it by the step's gradient: Muon the matrices, AdamW what
-// else is learnt. And what a checkpoint has of them is enough to go on with the same bits.
+// In a step each parameter moves as its optimiser would move it by the step's gradient: matrices by Muon, all others by
+// AdamW. A checkpoint stores enough of both to continue with the same bits.
 TEST_P(Training, MuonMovesMatricesAndNothingElse) {
   const Golden golden = Golden::load("micro");
   const TrainingViews views = views_of(golden);

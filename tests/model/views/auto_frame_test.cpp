@@ -9,7 +9,7 @@ namespace {
 using Eigen::Vector3d;
 using test::expect_error;
 
-// The box a ball's outline has in a picture, from points on it.
+// The bounding box of a ball's outline in a picture, from points on the ball.
 MaskExtent outline(const Camera& camera, const Vector3d& centre, double radius) {
   MaskExtent out{1e9, 1e9, -1e9, -1e9};
   for (int i = 0; i < 4000; ++i) {
@@ -53,11 +53,11 @@ TEST(AutoFrame, EdgeFromDistanceAndFieldOfView) {
 }
 
 TEST(AutoFrame, CentreAndEdgeFromMasks) {
-  const Vector3d ball(0.3, 0.1, -0.2);  // not where the cameras look
+  const Vector3d ball(0.3, 0.1, -0.2);  // away from where the cameras look
   const std::vector<Camera> cameras = test::ring(8, {0, 0, 0}, 4);
   std::vector<std::optional<MaskExtent>> masks;
   for (const Camera& c : cameras) masks.push_back(outline(c, ball, 0.4));
-  masks[3].reset();  // nothing to see
+  masks[3].reset();  // nothing is visible
   const EstimatedPlacement found = auto_frame(cameras, masks);
   EXPECT_LT((found.placement.centre - ball).norm(), 0.02);
   EXPECT_NEAR(found.placement.edge, 1.2 * 0.8, 0.02);
@@ -79,7 +79,7 @@ TEST(AutoFrame, ParallelAxesMeetNowhere) {
   cameras[1] = cameras[2] = cameras[0];
   cameras[1].w2c(0, 3) += 1;
   expect_error(Status::input, {"parallel", "vsplat_input_options.center"}, [&] { auto_frame(cameras); });
-  EXPECT_GT(auto_frame(cameras, {}, Vector3d(0, 0, 0)).placement.edge, 0);  // with the centre given there is no doubt
+  EXPECT_GT(auto_frame(cameras, {}, Vector3d(0, 0, 0)).placement.edge, 0);  // with a given centre nothing is uncertain
   expect_error(Status::usage, {"no camera"}, [] { auto_frame({}); });
 }
 

@@ -67,7 +67,7 @@ TEST(CameraPath, PassesThroughKeysAtAnyDistances) {
     largest = std::max(largest, (path[i].centre() - path[i - 1].centre()).norm());
     turn = std::max(turn, angle_between(path[i], path[i - 1]));
   }
-  EXPECT_LT(largest, 0.01);  // nowhere a jump: 13 units in 9000 steps
+  EXPECT_LT(largest, 0.01);  // no jump: 13 units in 9000 steps
   EXPECT_LT(turn, 0.005);
   for (const Camera& key : keys) {
     double nearest = 1e9;
@@ -93,7 +93,7 @@ TEST(CameraPath, IsSmoothAtItsKeys) {
     return worst;
   };
   EXPECT_LT(roughness(4001), 0.01);
-  EXPECT_LT(roughness(8001), 0.55 * roughness(4001));  // and goes to 0: a kink would not
+  EXPECT_LT(roughness(8001), 0.55 * roughness(4001));  // and tends to 0, unlike at a kink
 }
 
 TEST(CameraPath, TurnsEvenlyBetweenTwoKeys) {
@@ -206,13 +206,13 @@ TEST(CameraPath, GoesRoundWhatTheKeysLookAt) {
   }
 }
 
-// Two that face each other leave open where between them the object is: the middle is taken.
+// Two cameras that face each other do not determine where between them the object is: the path uses the middle.
 TEST(CameraPath, GoesRoundBetweenTwoThatFaceEachOther) {
   const std::vector<Camera> ring = test::ring(2, {0, 0, 0}, 2, 0);
   for (const Camera& c : camera_path(ring, 9)) EXPECT_NEAR(c.centre().norm(), 2, 1e-6);
 }
 
-// Cameras that look the same way, or away from each other, share no point: straight from one to the next.
+// Cameras that look in the same direction, or away from each other, share no point: the path is straight.
 TEST(CameraPath, GoesStraightWhereNothingIsLookedAt) {
   for (const double degrees : {0.0, 40.0}) {
     const std::vector<Camera> keys = {turned(-degrees, {0, 1, 0}, {-1, 0, 0}), turned(degrees, {0, 1, 0}, {1, 0, 0})};

@@ -159,7 +159,7 @@ TEST(FindPlacement, EstimatesWhatTheListDoesNotSay) {
   const test::Warnings warnings;
   EXPECT_EQ(find_placement(photographs, all, {}).placement.edge, by_axes.placement.edge);
   EXPECT_NE(warnings.text().find("points3D.txt"), std::string::npos) << warnings.text();
-  // A list that has a cube is taken at its word.
+  // A cube stated in the list is used as it is.
   photographs.set.aabb_center = Vector3d(1, 1, 1);
   photographs.set.aabb_half = 0.25;
   const ChosenPlacement by_list = find_placement(photographs, all, {});
@@ -178,7 +178,7 @@ TEST(FindPlacement, OneViewIsTakenToShowTheOrigin) {
   EXPECT_EQ(found.placement.centre, Vector3d::Zero());
   EXPECT_EQ(found.placement.edge, 1);
   EXPECT_NE(found.found.find("since all views show the origin"), std::string::npos) << found.found;
-  photographs.set.views[0].camera.w2c(0, 3) = 50;  // past it
+  photographs.set.views[0].camera.w2c(0, 3) = 50;  // looks past it
   expect_error(Status::input, {"one view", "vsplat_input_options.center"},
                [&] { find_placement(photographs, all, {}); });
 }

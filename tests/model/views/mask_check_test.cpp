@@ -6,7 +6,7 @@
 namespace vsplat {
 namespace {
 
-// White in a box, or all but the box.
+// White inside a box, or everywhere except in the box.
 Image box(int size, int from, int to, bool inverted = false) {
   Image out(size, size, 1);
   for (int y = 0; y < size; ++y)

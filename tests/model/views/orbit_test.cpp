@@ -39,7 +39,7 @@ TEST(Orbit, TakesWhatTheInputsHave) {
     EXPECT_NEAR(elevation(c, centre, up), 0.4, 1e-9);
     EXPECT_LT((*project_to_picture(c, centre) - Eigen::Vector2d(256, 192)).norm(), 1e-9);
     EXPECT_LT((*project_to_picture(c, centre + 0.1 * up)).y(), 192);
-    EXPECT_NEAR(c.fx / 384, 790.0 / 480, 1e-12);  // the narrower field of view stays
+    EXPECT_NEAR(c.fx / 384, 790.0 / 480, 1e-12);  // the narrower field of view is kept
     EXPECT_EQ(c.fx, c.fy);
   }
   for (int i = 0; i < 8; ++i) {  // evenly, counter-clockwise seen from above
@@ -99,7 +99,7 @@ TEST(UpAxis, OfFewViewsFromAboveIsNotTilted) {
   cameras.resize(3);  // a quarter of the circle only
   EXPECT_LT((up_axis(cameras) - Vector3d(0, -1, 0)).norm(), 0.01);
   EXPECT_LT((up_axis({cameras.data(), 1}) + cameras[0].w2c.row(1).head<3>().transpose()).norm(),
-            1e-9);  // of one: its own
+            1e-9);  // for a single camera its own
 }
 
 TEST(UpAxis, OneTurnedByAQuarterCountsLittle) {
@@ -145,10 +145,10 @@ TEST(WorldUp, IsTheWorldsAxisWhereTheCamerasLeaveItOpen) {
   const auto tilted = [](double degrees) {
     return Vector3d(0, std::sin(degrees * M_PI / 180), std::cos(degrees * M_PI / 180));
   };
-  EXPECT_EQ(world_up(rolled(8, tilted(2), {0})), Vector3d::UnitZ());  // within rounding of what a hand holds
+  EXPECT_EQ(world_up(rolled(8, tilted(2), {0})), Vector3d::UnitZ());  // within the tolerance of a hand-held camera
   EXPECT_LT((world_up(rolled(8, tilted(8), {0})) - tilted(8)).norm(), 1e-3);
   EXPECT_EQ(world_up(rolled(8, tilted(8), {12, -12})), Vector3d::UnitZ());
-  EXPECT_LT((world_up(rolled(8, -tilted(45), {20, -20})) + tilted(45)).norm(), 0.1);  // too far from any
+  EXPECT_LT((world_up(rolled(8, -tilted(45), {20, -20})) + tilted(45)).norm(), 0.1);  // too far from any axis
 }
 
 // An ellipsoid's surface, its longest axis along z, with strays.
@@ -200,7 +200,7 @@ TEST(OrbitAboutScene, StandsByFloatersAndTellsOfThem) {
   };
   const double want = radius(tall_scene());
   EXPECT_EQ(warnings.text(), "");
-  for (const std::size_t share : {30u, 10u, 4u}) {  // one of so many
+  for (const std::size_t share : {30u, 10u, 4u}) {  // one Gaussian in so many
     Scene scene = tall_scene();
     for (std::size_t i = 0; i < scene.gaussians.count; i += share) {
       const float far_off = 1e3F * static_cast<float>(1 + i % 17);
@@ -221,13 +221,13 @@ TEST(OrbitAboutScene, UpIsTheOptionsElseTheScenesElseMinusY) {
   scene.up = {0, 0, 1};
   const Camera camera = orbit_about_scene(scene, 1, 64, 64)[0];
   EXPECT_LT((up_in_picture(camera) - Vector3d(0, 0, 1)).norm(), 1e-9);
-  EXPECT_LT(camera.centre().y(), -2);  // a z-up world's front
+  EXPECT_LT(camera.centre().y(), -2);  // the front of a z-up world
   const Camera asked =
       orbit_about_scene(scene, 1, 64, 64, {.radius = {}, .elevation_deg = {}, .up = Vector3d(0, 2, 0)})[0];
   EXPECT_LT((up_in_picture(asked) - Vector3d(0, 1, 0)).norm(), 1e-9);
-  EXPECT_GT(asked.centre().z(), 6);  // a y-up world's
+  EXPECT_GT(asked.centre().z(), 6);  // the front of a y-up world
   scene.up = {0.01f, 0.99995f, 0};
-  EXPECT_GT(orbit_about_scene(scene, 1, 64, 64)[0].centre().z(), 6);  // nearly so: not another one
+  EXPECT_GT(orbit_about_scene(scene, 1, 64, 64)[0].centre().z(), 6);  // nearly so: the same front
 }
 
 TEST(OrbitAboutScene, IsInTheWorldOfAnOffset) {
@@ -253,7 +253,7 @@ TEST(OrbitAboutScene, NoneOrOneGaussian) {
     EXPECT_NEAR(c.centre().z(), 3 + 3 * std::sin(20 * M_PI / 180), 1e-6);
 }
 
-// The cylinder inscribed in the cube fits, whatever the inputs' field of view.
+// The cylinder inscribed in the cube is in the picture, whatever the inputs' field of view.
 TEST(Orbit, TheCubeKeepsAMargin) {
   const std::vector<Camera> inputs = test::ring(6, {0, 0, 0}, 1.5, 0.5);  // a unit cube reaches beyond their pictures
   for (const double edge : {1.0, 0.1}) {
@@ -271,7 +271,7 @@ TEST(Orbit, TheCubeKeepsAMargin) {
     if (edge == 1) {
       EXPECT_LT(least, 0.06);
     } else {
-      EXPECT_NEAR(orbit[0].fx / 200, 790.0 / 480, 1e-12);  // wide enough: stays
+      EXPECT_NEAR(orbit[0].fx / 200, 790.0 / 480, 1e-12);  // wide enough already
     }
   }
 }

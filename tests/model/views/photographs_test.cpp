@@ -15,7 +15,7 @@ namespace {
 
 using test::TemporaryFolder;
 
-// Counts how often files of a folder are opened, by whoever opens them.
+// Counts how often files in a folder are opened, by any code.
 class Opened {
  public:
   explicit Opened(const std::string& folder) : queue_(inotify_init1(IN_NONBLOCK)) {
@@ -25,7 +25,7 @@ class Opened {
   Opened(const Opened&) = delete;
   Opened& operator=(const Opened&) = delete;
 
-  // By name, since the last call.
+  // The counts by name since the last call.
   std::map<std::string, int> times() const {
     std::map<std::string, int> out;
     alignas(inotify_event) char block[1 << 14];
@@ -42,7 +42,7 @@ class Opened {
   int queue_;
 };
 
-// A white disc of 60 pixels across in the middle of 640 x 480; its alpha, too, with four channels.
+// A white disc of 60 pixels in the middle of 640 x 480; with four channels it is also the alpha.
 Image disc(int channels) {
   Image out(640, 480, channels);
   for (int y = 210; y < 270; ++y)
@@ -90,7 +90,7 @@ TEST(Photographs, EachFileOfAChosenViewIsOpenedOnceAndNoOther) {
     const Input input = prepare_input(photographs, of_views(4), request);
     const std::map<std::string, int> once = {{"0.png", 1}, {"1.png", 1}, {"3.png", 1}, {"mask.png", 1}};
     EXPECT_EQ(opened.times(), once) << auto_frame;
-    if (auto_frame) {  // from both extents
+    if (auto_frame) {  // uses both extents
       EXPECT_NEAR(input.placement.edge, 1.2 * 2 * 60 / 790.0, 0.01);
     }
   }
@@ -98,7 +98,7 @@ TEST(Photographs, EachFileOfAChosenViewIsOpenedOnceAndNoOther) {
 
 TEST(Photographs, APictureIsMadeOnceForAView) {
   Photographs photographs = ring_of(3);
-  for (ListedView& view : photographs.set.views) view.camera.width = view.camera.height = 0;  // as the picture has it
+  for (ListedView& view : photographs.set.views) view.camera.width = view.camera.height = 0;  // taken from the picture
   std::map<int, int> made;
   photographs.picture = [&](int view) {
     ++made[view];
@@ -111,8 +111,7 @@ TEST(Photographs, APictureIsMadeOnceForAView) {
   EXPECT_EQ(made, once);
 }
 
-// All of a picture with its mask, each decoded once however often it is asked for; and what counts as saying what the
-// object is.
+// A whole picture with its mask, each decoded once however often it is requested; and which of them mark the object.
 TEST(Photographs, AWholePictureComesWithItsMask) {
   const TemporaryFolder folder;
   Photographs photographs = ring_of(3);
@@ -161,7 +160,7 @@ TEST(Photographs, AreTurnedWhereTheListedSizeSaysSo) {
     for (int x = 0; x < 48; ++x) stored.at(x, y)[0] = 1;
   const std::string path = folder / "0.jpg";
   write_jpeg(path, stored, 95);
-  test::add_exif_to_jpeg(path, test::exif_data(6));  // the stored left is the top
+  test::add_exif_to_jpeg(path, test::exif_data(6));  // the stored left becomes the top
   const auto red_at = [&](int width, int height, double across, double down) {
     Photographs photographs = ring_of(1);
     ListedView& view = photographs.set.views[0];
@@ -174,9 +173,9 @@ TEST(Photographs, AreTurnedWhereTheListedSizeSaysSo) {
     const FramedView framed = loaded.framed({32, Fit::crop});
     return framed.image.at(static_cast<int>(32 * across), static_cast<int>(32 * down))[0] > 0.5f;
   };
-  EXPECT_TRUE(red_at(64, 96, 0.5, 0.2));  // posed as it is shown
+  EXPECT_TRUE(red_at(64, 96, 0.5, 0.2));  // posed as displayed
   EXPECT_FALSE(red_at(64, 96, 0.5, 0.8));
-  EXPECT_TRUE(red_at(96, 64, 0.2, 0.5));  // posed as it is stored
+  EXPECT_TRUE(red_at(96, 64, 0.2, 0.5));  // posed as stored
   EXPECT_FALSE(red_at(96, 64, 0.8, 0.5));
   EXPECT_TRUE(red_at(128, 192, 0.5, 0.2));  // and resized
 }

@@ -24,7 +24,7 @@ std::vector<Camera> three_cameras() {
   return out;
 }
 
-// What the reference's `rebase(place(c2w, [0.5, -1, 0.25], 2.5), how)` gives, inverted.
+// The inverse of the reference's `rebase(place(c2w, [0.5, -1, 0.25], 2.5), how)`.
 constexpr double rotated[3][12] = {
     {1.0, 0.0, 0.0, -0.7, 0.0, 1.0, 0.0, 0.4, 0.0, 0.0, 1.0, 0.3},
     {0.0, -1.0, 0.0, 1.4, 0.96, 0.0, -0.28, -0.456, 0.28, 0.0, 0.96, 0.492},
@@ -91,7 +91,7 @@ TEST(Placement, CentreAndEdgeComeEachFromTheFirstThatKnows) {
   EXPECT_EQ(got.centre, Vector3d(4, 5, 6));
   EXPECT_EQ(got.edge, 2);
   EXPECT_EQ(asked, 0) << "nothing is left to estimate";
-  // What the list does not say is estimated without being asked for.
+  // Values that the list does not state are estimated without a request.
   const ChosenPlacement unlisted = choose_placement({}, {}, {}, estimate);
   EXPECT_EQ(unlisted.placement.centre, Vector3d(7, 8, 9));
   EXPECT_EQ(unlisted.placement.edge, 3);
@@ -104,7 +104,7 @@ TEST(Placement, CentreAndEdgeComeEachFromTheFirstThatKnows) {
   EXPECT_EQ(got.centre, Vector3d(7, 8, 9));
   EXPECT_EQ(got.edge, 1.5);
   EXPECT_EQ(asked, 3);
-  // With auto_frame what the list says is, too.
+  // With auto_frame, values that the list states are estimated, too.
   const ChosenPlacement estimated = choose_placement({{}, 2.0, true}, listed, 0.75, estimate);
   EXPECT_EQ(estimated.placement.centre, Vector3d(7, 8, 9));
   EXPECT_EQ(estimated.placement.edge, 2);

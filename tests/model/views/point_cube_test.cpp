@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Numbers between -1 and 1, always the same.
+// A fixed sequence of numbers between -1 and 1.
 class Random {
  public:
   double operator()() {
@@ -51,7 +51,7 @@ TEST(PointCube, HoldsAnObjectThatTheCamerasDoNotLookAt) {
   ASSERT_TRUE(found);
   EXPECT_LT((found->placement.centre - centre).norm(), 0.02);
   EXPECT_EQ(outside(found->placement, points), 0);
-  EXPECT_LT(found->placement.edge, 2 * half.norm() * 1.06);  // however it is turned, and no larger than that
+  EXPECT_LT(found->placement.edge, 2 * half.norm() * 1.06);  // in any rotation, and no larger
   EXPECT_GT(found->placement.edge, 2 * half.x());
 }
 
@@ -65,8 +65,8 @@ TEST(PointCube, StrayAndFarPointsDoNotCount) {
   Random random;
   for (int i = 0; i < 150; ++i) points.push_back(at(Vector3d(random(), random(), random())));       // sparse, around it
   for (int i = 0; i < 800; ++i) points.push_back(at(15 * Vector3d(random(), random(), random())));  // the surroundings
-  add(points, box(700, {-40, 0, 0}, {0.1, 0.1, 0.1}));                          // a dense place that few cameras see
-  std::vector<ColoredPoint> wrong = box(300, {0.9, 0, 0}, {0.02, 0.02, 0.02});  // dense and in view, but mismatches
+  add(points, box(700, {-40, 0, 0}, {0.1, 0.1, 0.1}));                          // a dense cluster that few cameras see
+  std::vector<ColoredPoint> wrong = box(300, {0.9, 0, 0}, {0.02, 0.02, 0.02});  // dense and visible, but mismatched
   for (std::size_t i = 0; i < wrong.size(); ++i) (i % 2 ? wrong[i].error = 5 : wrong[i].track = 2);
   add(points, wrong);
   const auto found = cube_of_points(cameras, points);
@@ -111,7 +111,7 @@ TEST(AutoFrame, PointsComeBeforeMasksAndAxes) {
   const EstimatedPlacement found = auto_frame(cameras, {}, {}, object);
   EXPECT_LT((found.placement.centre - Vector3d(0.3, 0.1, -0.2)).norm(), 0.02);
   EXPECT_NE(found.from.find("of the 2000 points"), std::string::npos) << found.from;
-  // The masks are of the object alone: a table around it does not count.
+  // The masks show only the object, so the table around it does not count.
   std::vector<ColoredPoint> points = object;
   add(points, box(3000, {0.3, 0.45, -0.2}, {1.2, 0.02, 1.2}));
   std::vector<std::optional<MaskExtent>> masks;
@@ -128,7 +128,7 @@ TEST(AutoFrame, PointsComeBeforeMasksAndAxes) {
   EXPECT_LT((masked.placement.centre - found.placement.centre).norm(), 0.1);
   EXPECT_LT(masked.placement.edge, 1.25 * found.placement.edge);
   EXPECT_NE(masked.from.find("that the masks hold"), std::string::npos) << masked.from;
-  // With masks about as large as the points they only confirm them.
+  // Masks of about the points' size only confirm them.
   const EstimatedPlacement both = auto_frame(cameras, masks, {}, object);
   EXPECT_EQ(both.placement.edge, found.placement.edge);
   EXPECT_EQ(both.placement.centre, found.placement.centre);

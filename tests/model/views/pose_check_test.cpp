@@ -20,7 +20,7 @@ std::vector<Camera> changed(std::vector<Camera> cameras,
   return cameras;
 }
 
-// A rig for which no swap but the one made brings the centre into all pictures.
+// A rig for which only the swap that was made brings the centre into all pictures.
 std::vector<Camera> rig() {
   std::vector<Camera> out = test::ring(6, {0.5, 0.2, -0.4}, 3, 0.4, 4);
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
@@ -48,7 +48,7 @@ TEST(PoseCheck, MissingTheCentreByManyDegreesIsNoError) {
   EXPECT_TRUE(warnings.all.empty());
 }
 
-TEST(PoseCheck, NamesTheSwapInTransformsJson) {  // read as c2w = L flip, L what the file holds
+TEST(PoseCheck, NamesTheSwapInTransformsJson) {  // read as c2w = L flip, where L is the file's matrix
   const auto convention = PoseConvention::opengl_c2w;
   const auto read = [](const Eigen::Matrix4d& listed) -> Eigen::Matrix4d { return (listed * flip).inverse(); };
   expect_error(Status::input, {"OpenCV axes (y down, z forward) where", "vsplat_input_options.force"}, [&] {
@@ -76,7 +76,7 @@ TEST(PoseCheck, NamesTheSwapInOpenCvFormats) {  // read as w2c = L
   });
 }
 
-// The cube as it is estimated from these cameras: elsewhere after a swap.
+// The cube as estimated from these cameras; a swap moves it.
 ChosenPlacement estimated(std::span<const Camera> cameras) {
   return {{where_axes_meet(cameras).value(), 1.0}, "", true};
 }
@@ -85,7 +85,7 @@ TEST(PoseCheck, NamesTheSwapOfAnEstimatedCube) {
   test::Warnings warnings;
   for (const Vector3d& centre : {Vector3d(0, 0, 0), Vector3d(0.5, 0.2, -0.4), Vector3d(3, -1, 2)})
     for (const int count : {3, 4, 12}) {
-      // Each looks a little past it: axes of photographs never meet in a point.
+      // Each camera looks slightly past the centre, since the axes of real photographs never meet in a point.
       const std::vector<Camera> right = test::ring(count, centre, 3, 0.4, 2);
       check_centre_is_seen(right, PoseConvention::opencv_w2c, estimated(right));
       EXPECT_EQ(poses_that_meet(right, PoseConvention::opencv_w2c), "");
@@ -108,7 +108,7 @@ TEST(PoseCheck, NamesTheSwapOfAnEstimatedCube) {
           << text;
     }
   EXPECT_EQ(warnings.text(), "");
-  // A centre that was asked for stays where it is.
+  // A requested centre does not move with a swap.
   const auto inverted = changed(test::ring(6, {3, -1, 2}), [](const auto& w2c) { return w2c.inverse(); });
   expect_error(Status::input, {"no swap"}, [&] {
     check_centre_is_seen(inverted, PoseConvention::opencv_w2c, {{{50, 0, 0}, 1}, ""});
@@ -117,7 +117,7 @@ TEST(PoseCheck, NamesTheSwapOfAnEstimatedCube) {
 
 TEST(PoseCheck, WarnsWhereAxesMeetBadlyAndOtherPosesWell) {
   test::Warnings warnings;
-  // An arc of wide lenses: a point far before them is in all pictures.
+  // An arc of wide lenses: a point far in front of them is in all pictures.
   std::vector<Camera> cameras = test::ring(24, {3, -1, 2}, 3, 0.4);
   cameras.resize(6);
   cameras = changed(cameras, [](const auto& w2c) { return w2c.inverse(); });
@@ -163,7 +163,7 @@ TEST(PoseCheck, ForceAndMinoritiesWarn) {
   auto cameras = test::ring(6);
   for (int i = 0; i < 3; ++i) cameras[i].w2c = look_at(cameras[i].centre(), 2 * cameras[i].centre(), {0, -1, 0});
   check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {});
-  EXPECT_EQ(warnings.all.size(), 2U);  // half of them is not more than half
+  EXPECT_EQ(warnings.all.size(), 2U);  // half of them is not a majority
   cameras[3] = cameras[2];
   expect_error(Status::input, {"behind 4"}, [&] { check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {}); });
 }

@@ -12,7 +12,7 @@ using test::expect_error;
 using Indices = std::vector<int>;
 
 TEST(Kmeans, FollowsTheProtocol) {
-  // Two far clusters and one between, out of order. Start: 0, then the farthest (3), then the farthest from both (2).
+  // Two far clusters and one between, out of order. Starts: 0, the farthest (3), and the farthest from both (2).
   const std::vector<Vector3d> p = {{0, 0, 0}, {10, 0, 0}, {5, 1, 0}, {11, 0, 0}, {0, 1, 0}, {0.5, 0.5, 0}, {5, -1, 0}};
   const std::vector<Group> groups = kmeans(p, 3);
   ASSERT_EQ(groups.size(), 3U);
@@ -24,7 +24,8 @@ TEST(Kmeans, FollowsTheProtocol) {
 }
 
 TEST(Kmeans, TiesGoToTheLowerIndex) {
-  // 1 and 2 are as far from 0: 1 is the second start. 3 is as far from both starts: it joins the first group.
+  // 1 and 2 are equally far from 0, so 1 is the second start. 3 is equally far from both starts and joins the first
+  // group.
   const std::vector<Vector3d> p = {{0, 0, 0}, {4, 0, 0}, {-4, 0, 0}, {2, 0, 0}};
   const std::vector<Group> groups = kmeans(p, 2);
   ASSERT_EQ(groups.size(), 2U);
@@ -32,7 +33,8 @@ TEST(Kmeans, TiesGoToTheLowerIndex) {
   EXPECT_EQ(groups[1].members, (Indices{1, 3}));
 }
 
-TEST(Kmeans, IsOfLeastMovement) {  // every member is nearest its own group's mean, every mean is its members'
+TEST(Kmeans,
+     IsOfLeastMovement) {  // each member is nearest to its own group's mean, and each mean is that of its members
   std::vector<Vector3d> p;
   unsigned random = 7;
   for (int i = 0; i < 200; ++i) {
@@ -115,7 +117,7 @@ TEST(ViewChoice, AllWhereThereAreNoMore) {
   ViewSet set = views(5);
   test::Warnings warnings;
   EXPECT_EQ(choose_views(set, {{}, 5, 5}), (Indices{0, 1, 2, 3, 4}));
-  EXPECT_EQ(choose_views(set, {{}, 16, 5}), (Indices{0, 1, 2, 3, 4}));  // as many as are trained with are enough
+  EXPECT_EQ(choose_views(set, {{}, 16, 5}), (Indices{0, 1, 2, 3, 4}));  // as many as in training are enough
   EXPECT_TRUE(warnings.all.empty());
   set.views[0].picture.clear();
   set.views[3].picture.clear();
@@ -135,10 +137,10 @@ TEST(ViewChoice, SpreadOutWhereThereAreMore) {
   const Indices all = choose_views(set, {{}, 4});
   ASSERT_EQ(all.size(), 4U);
   for (int i = 0; i < 4; ++i) EXPECT_NEAR((all[(i + 1) % 4] - all[i] + 40) % 40, 10, 3);
-  set.views[all[1]].picture.clear();  // only those with a picture are looked at
+  set.views[all[1]].picture.clear();  // only views with a picture count
   const Indices rest = choose_views(set, {{}, 4});
   EXPECT_EQ(std::count(rest.begin(), rest.end(), all[1]), 0);
-  for (ListedView& view : set.views) view.camera = set.views[0].camera;  // all from one place
+  for (ListedView& view : set.views) view.camera = set.views[0].camera;  // all at one place
   EXPECT_EQ(choose_views(set, {{}, 4}).size(), 4U);
 }
 

@@ -94,7 +94,7 @@ TEST(Views, ObjectPutsTheCubeInTheMiddle) {
   }
 }
 
-// A ramp over the picture: wherever the view shows it, it has the value of the place that its own camera names.
+// A ramp over the picture: each visible pixel has the value of the position that the view's own camera gives.
 TEST(Views, IntrinsicsMoveWithThePicture) {
   const int w = 101, h = 64;
   Image picture(w, h, 3);
@@ -173,7 +173,7 @@ TEST(Views, ACubeThatCannotBeFramedIsRefused) {
   expect_input_error(test_camera(30, 20), picture, nullptr, {.size = 16, .centre = {0, 0, -40}}, "not in front");
   expect_input_error(test_camera(30, 20), picture, nullptr, {.size = 16, .edge = 1e6}, "less than a pixel");
   expect_input_error(test_camera(30, 20), picture, nullptr, {.size = 16, .edge = std::nan("")}, "pixels wide");
-  // The whole picture needs no cube.
+  // Padding the whole picture needs no cube.
   EXPECT_NO_THROW(
       prepare_view(test_camera(30, 20), picture, nullptr, {.size = 16, .fit = Fit::pad, .centre = {0, 0, -40}}));
 }
@@ -229,8 +229,8 @@ TEST(WholeViews, APictureThatIsNotScaledIsTakenBitForBit) {
   }
 }
 
-// A ramp over the picture, made smaller by whole and by other numbers: every pixel shows the place that the view's own
-// camera names, none is covered in part, and what is left out at the right and below is less than a pixel.
+// A ramp over the picture, scaled down by integer and other factors: every pixel shows the position that the view's own
+// camera gives, none is covered partly, and less than a pixel is cut off at the right and at the bottom.
 TEST(WholeViews, IntrinsicsMoveWithThePicture) {
   for (const auto& [w, h] : {std::array<int, 2>{101, 64}, {64, 101}, {80, 80}, {200, 3}}) {
     Image picture(w, h, 3);
@@ -267,7 +267,7 @@ TEST(WholeViews, IntrinsicsMoveWithThePicture) {
   }
 }
 
-// Alpha and mask multiply, premultiplied; made smaller, by area.
+// Alpha and mask multiply, premultiplied, when scaled down by area.
 TEST(WholeViews, AlphaAndMaskMultiply) {
   const Image picture = random_picture(16, 12, 4, 13), mask = random_picture(16, 12, 1, 14);
   const WholeView view = whole_view(test_camera(16, 12), picture, &mask, 0, {"a", "m"});
@@ -289,8 +289,8 @@ TEST(WholeViews, AlphaAndMaskMultiply) {
   EXPECT_TRUE(half.known.empty());
 }
 
-// A lens whose photograph shows less in its corners than the pinhole would: those are not known, all the others are,
-// whatever the mask says of them.
+// A lens whose photograph shows less in the corners than the pinhole would: those pixels are unknown, and all others
+// are known, whatever the mask says.
 TEST(WholeViews, KnownIsWhatTheLensShows) {
   const int w = 60, h = 44;
   Camera camera = test_camera(w, h);
@@ -305,7 +305,7 @@ TEST(WholeViews, KnownIsWhatTheLensShows) {
     int known = 0, unknown = 0;
     for (int j = 0; j < view.camera.height; ++j)
       for (int i = 0; i < view.camera.width; ++i) {
-        // How far the pixel's farthest corner is within the photograph.
+        // How far inside the photograph the pixel's farthest corner is.
         double within = 1e9;
         for (const double u : {0.0, 1.0})
           for (const double v : {0.0, 1.0}) {

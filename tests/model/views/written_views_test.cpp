@@ -39,7 +39,7 @@ std::vector<PreparedView> some_views(const std::vector<std::string>& names) {
   return views;
 }
 
-// The folder is input like any other, and gives the same cameras to the bit and the same pictures to 8 bits.
+// The folder is ordinary input, and gives the same cameras to the bit and the same pictures to 8 bits.
 TEST(WrittenViews, AreReadAsInput) {
   const TemporaryFolder folder;
   const std::vector<PreparedView> views = some_views({"images/a.jpg", "images/b.exr", "c"});

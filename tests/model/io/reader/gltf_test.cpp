@@ -309,7 +309,7 @@ TEST_F(Gltf, NamesOfFiles) {
   writer.write_gltf(path("a.gltf"), "my data.bin", path("my data.bin"));
   expect_error(Status::format, {path("a.gltf"), "images[0].uri", "network"}, [&] { load_mesh(path("a.gltf")); });
   writer.json["images"][0] = {{"uri", "100%25.png"}};
-  // By the search that finds the pictures of a list.
+  // Files are found with the same search as the pictures of a list.
   for (const auto& [picture, buffer] : {std::pair{"Paint.PNG", "MY%20DATA.BIN"},
                                         {"C:%5Cme%5Cpaint.png", "C:\\me\\my data.bin"},
                                         {"textures/paint.jpg", "../x/my%20data.bin"}}) {

@@ -98,7 +98,7 @@ TEST_F(Obj, OptionsOfTextures) {
   EXPECT_NE(warnings_.text().find("map_d"), std::string::npos) << warnings_.text();
 }
 
-// As pictures of a list are.
+// Found like the pictures of a list.
 TEST_F(Obj, FilesAreFoundWhereverTheirPathsLead) {
   for (const char* name : {"Tex.PNG", "TEX.jpg", "tex.tga", "C:\\Users\\me\\Desktop\\tex.png", "/home/me/model/tex.png",
                            "../maps/tex.png", "textures\\tex.png", ".\\tex.png", "//server/share/tex.png"})

@@ -318,7 +318,7 @@ TEST_F(Ply, SkipsBadOnesAndCountsThem) {
   put(head + with(0, 7) + with(2, nan) + with(4, inf) + with(6, nan) + with(6, inf) + with(8, 89) + with(10, 0) +
       with(0, 9));
   SkippedGaussians skipped;
-  skipped.huge_scale = 5;  // of an earlier file
+  skipped.huge_scale = 5;  // left from an earlier file
   const Gaussians g = read_ply(path(), &skipped).gaussians;
   EXPECT_EQ(g.count, 3u);
   EXPECT_EQ(g.means, (std::vector<float>{7, 2, 3, 1, 2, 3, 9, 2, 3}));
@@ -370,7 +370,7 @@ TEST_F(Ply, ReadsText) {
   EXPECT_EQ(g.sh, (std::vector<float>{0.1f, 0.2f, 0.3f, 0.1f, 0.2f, 0.3f}));
   EXPECT_FLOAT_EQ(g.scales[5], std::exp(-3.0f));
   EXPECT_EQ(warnings_.text(), "");
-  put(head + "0\n0\n" + row + "\n" + row);  // without an end of the last line
+  put(head + "0\n0\n" + row + "\n" + row);  // the last line has no line end
   EXPECT_EQ(read_ply(path()).gaussians.count, 2u);
   put(head + "0\n0\n" + row + "\n" + row + "\n\nmore");
   EXPECT_EQ(read_ply(path()).gaussians.count, 2u);

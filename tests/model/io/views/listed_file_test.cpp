@@ -48,7 +48,7 @@ TEST_F(ListedFile, ByStemWithAnotherEndingOrCase) {
   expect_file("e.f.jpg", "e.f.png", false);
   expect_file("0007", "0007.jpeg", false);
   expect_file("folder/k.png", "Folder/K.TIFF", false);
-  expect_file("IMG/0007.HEIC", "0007.jpeg", false);  // whoever converted it
+  expect_file("IMG/0007.HEIC", "0007.jpeg", false);  // the picture was converted, the list was not
   expect_file("b.dng", "b.JPG", false);
   EXPECT_TRUE(below("d").path.empty()) << "no picture";
   EXPECT_TRUE(below("e.png").path.empty());

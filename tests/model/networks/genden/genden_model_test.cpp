@@ -96,9 +96,9 @@ TEST_P(GendenVectors, EveryStageMatches) {
     else
       EXPECT_TRUE(test::close_by_channel(values, want, run.channels.at(stage), 1e-4)) << stage;
   }
-  // The backbone's: features, volume, samples and output of the fine decoder, three of each layer. Pull, score and what
-  // was selected; three times five fields; of each level three of each block, offset, xyz, feature and attributes, and
-  // confidence but of the last.
+  // The backbone: features, volume, samples and output of the fine decoder, and three of each layer. Then pull,
+  // score and selection, and three times five fields. Of each level: three of each block, offset, xyz, feature and
+  // attributes, and, except for the last level, confidence.
   std::size_t stages = 4 + 3 * static_cast<std::size_t>(golden.config().layers) + 3 + 15;
   for (const int blocks : golden.config().densify.depths) stages += 3 * static_cast<std::size_t>(blocks) + 5;
   EXPECT_EQ(run.stages.size(), stages - 1);
@@ -164,8 +164,8 @@ GaussianGradients cotangents(Context& ctx, const GendenGolden& golden, const std
   return {t[0], t[1], t[2], t[3], t[4]};
 }
 
-// The gradients by all weights, from cotangents on one level alone, as the specification names them: "coarse"; "fixed",
-// of the final ones with the drawings held; "final", through the product's own drawings.
+// The gradients by all weights for cotangents on one level alone, named as in the specification: "coarse"; "fixed", for
+// the final Gaussians with constant drawings; "final", through the product's own drawings.
 std::map<std::string, std::vector<float>> gradients(Context& ctx, const GendenGolden& golden, const std::string& which,
                                                     bool recompute) {
   const LearntWeights learnt(ctx, parameters(golden.config()), golden.weights());
@@ -193,10 +193,10 @@ TEST_P(GendenVectors, EveryGradientMatches) {
   const GendenGolden golden = GendenGolden::load(name());
   for (const std::string which : {"coarse", "fixed", "final"}) {
     const std::string prefix = "cograd." + which + ".";
-    // A softmax does not move with all of its logits.
+    // A softmax does not change if all of its logits move together.
     const char* rounding = golden.config().densify.residual ? "mask.net.2.bias" : "";
     const int compared = test::expect_gradients(golden, prefix, gradients(ctx(), golden, which, false), rounding);
-    // Without a gradient from the coarse ones do the fine decoder and the densifier alone.
+    // Without a gradient by the coarse Gaussians, only the fine decoder and the densifier have gradients.
     const int all = static_cast<int>(parameters(golden.config()).size()),
               backbone = static_cast<int>(parameters(static_cast<const LaraConfig&>(golden.config())).size());
     EXPECT_EQ(compared, which == "coarse" ? backbone - 10 : all) << prefix;
@@ -228,7 +228,7 @@ TEST_P(Genden, TwoRunsGiveTheSameBitsAndSoDoesTheSeed) {
   EXPECT_EQ(ModelRun(ctx(), golden, true).stages, first.stages);
 }
 
-// Opaque to none: nothing is densified, and nothing fails.
+// If no Gaussian is opaque enough, nothing is densified, and nothing fails.
 TEST_P(Genden, NothingKept) {
   const GendenGolden golden = GendenGolden::load("genden_micro");
   GendenConfig config = golden.config();

@@ -106,7 +106,7 @@ TEST_P(VsplatGendenVectors, EveryGradientMatches) {
   }
 }
 
-// With no candidate at all nothing is densified, and no gradient reaches the densifier.
+// Without candidates nothing is densified, and no gradient reaches the densifier.
 TEST_P(VsplatGenden, NoCandidates) {
   VSPLAT_NEED_LARA_GOLDEN(kTiny);
   const VsplatGendenGolden golden = VsplatGendenGolden::load(kTiny);

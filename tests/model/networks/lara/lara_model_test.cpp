@@ -32,7 +32,7 @@ std::size_t channels_of(const Shape& shape) {
   return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
 }
 
-// The specification stores a view's rows one after the other, [V, r^3, C + E]; the device stores a voxel's.
+// The specification stores rows by view, [V, r^3, C + E]; the device stores them by voxel.
 std::vector<float> lifted_by_view(const std::vector<float>& samples, const std::vector<float>& embedded,
                                   const LaraConfig& c, std::size_t views) {
   const auto voxels = static_cast<std::size_t>(c.lifted_voxels()), dim = static_cast<std::size_t>(c.vit_dim),
@@ -127,7 +127,7 @@ void expect_picture(const std::vector<float>& got, const std::vector<float>& wan
   EXPECT_LE(sum / static_cast<double>(got.size()), 1e-5) << what;
 }
 
-// With nothing held: the coarse primitives are drawn by the product's own renderer, surfels and Gaussians.
+// Without given drawings: the product's own renderer draws the coarse primitives, surfels and Gaussians.
 TEST_P(LaraVectors, DrawsItsCoarsePrimitives) {
   VSPLAT_NEED_LARA_GOLDEN(name());
   const LaraGolden golden = LaraGolden::load(name());
@@ -167,7 +167,7 @@ GaussianGradients zeros(Context& ctx, const DeviceGaussians& like) {
   return {made.means, made.scales, made.quats, made.opacities, made.sh};
 }
 
-// In training, both halves.
+// Both halves, in training.
 LaraModel::Trained forward(Context& ctx, const LaraModel& model, const LaraGolden& golden, const LaraOptions& options,
                            bool recompute) {
   const Tensor images = upload(ctx, golden, "input.images");
@@ -175,8 +175,8 @@ LaraModel::Trained forward(Context& ctx, const LaraModel& model, const LaraGolde
                                 options);
 }
 
-// The gradients by all weights, from cotangents on one level alone: coarse; or fixed, the final one with the drawings
-// held; or final, through the drawings.
+// The gradients by all weights for cotangents on one level alone: "coarse"; "fixed", for the final level with constant
+// drawings; "final", through the drawings.
 std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGolden& golden, const std::string& which,
                                                     bool recompute) {
   const LearntWeights learnt(ctx, parameters(golden.config()), golden.weights());
@@ -221,8 +221,8 @@ TEST_P(Lara, TwoRunsGiveTheSameBits) {
   EXPECT_EQ(ModelRun(ctx(), golden).stages, ModelRun(ctx(), golden).stages);
 }
 
-// The fine decoder takes some primitives at a time: the same whatever their number, forward and backward, also where a
-// voxel's two are in two of the blocks.
+// The fine decoder processes primitives in blocks: the block size does not affect the result, forward or backward, not
+// even if a voxel's two primitives are in two blocks.
 TEST_P(Lara, FineDecoderInBlocks) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   const LearntWeights learnt(ctx(), parameters(golden.config()), golden.weights());
@@ -236,7 +236,7 @@ TEST_P(Lara, FineDecoderInBlocks) {
   const Tensor images = upload(ctx(), golden, "input.images");
   in.maps = ctx().tensor({images.dim(0), images.dim(1), images.dim(2), kViewMap});
   view_maps_forward(ctx(), {images, held, 0, false, in.maps});
-  const Tensor dout = upload(ctx(), golden, "stage.fine.output");  // any numbers do
+  const Tensor dout = upload(ctx(), golden, "stage.fine.output");  // any numbers will do
 
   struct Results {
     std::vector<float> output, volume, means, maps, weight;

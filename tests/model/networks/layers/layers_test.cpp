@@ -1,4 +1,4 @@
-// The backwards of layers, against sums in double and differences of them.
+// The backward functions of layers, against differences of sums in double.
 #include "model/networks/layers/layers.h"
 
 #include <gtest/gtest.h>
@@ -86,7 +86,7 @@ class Layers : public test::FlavourTest {
 };
 VSPLAT_FLAVOURS(Layers);
 
-// Two inputs side by side, the second step of gradients added to the first.
+// Two inputs side by side; a second gradient is added to the first.
 TEST_P(Layers, LinearOfTwoInputs) {
   const std::string name = "voxel_network.comp_linear";
   for (const long rows : {1L, 3L, 29L}) {
@@ -152,7 +152,7 @@ TEST_P(Layers, Mlp3AgreesWithDifferences) {
   EXPECT_TRUE(test::close(gradient(name + ".4.bias"), layer_differences(third.b, loss), 2e-5));
 }
 
-// GroupNorm and SiLU of two inputs, whose gradients the layer after it sends back side by side.
+// GroupNorm and SiLU of two inputs, whose gradients arrive side by side from the next layer.
 TEST_P(Layers, NormSiluOfTwoInputsAgreesWithDifferences) {
   const std::string name = "voxel_network.norm_out.group_norm";
   constexpr long rows = 7;

@@ -19,7 +19,7 @@ Tensor images_of(Context& ctx, const test::Golden& golden) {
 
 class Encoder : public test::FlavourTest {
  protected:
-  // Relative to the largest value of each; 1e-4 is the project's bound for a stage, float32 is well within it.
+  // Relative to the largest value of each tensor. 1e-4 is the project's bound for a stage; float32 is well within it.
   void expect_match(const std::string& name) {
     const test::Golden golden = test::Golden::load(name);
     const Config& config = golden.config();

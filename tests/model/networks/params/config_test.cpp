@@ -39,7 +39,7 @@ TEST(Config, ViewsToUseAreThoseItIsTrainedWithUnlessItSays) {
   Config config;
   config.views = 3;
   EXPECT_EQ(config.views_to_use(), 3);
-  EXPECT_EQ(to_json(config).find("use_views"), std::string::npos);  // older readers know no such field
+  EXPECT_EQ(to_json(config).find("use_views"), std::string::npos);  // older readers do not know the field
   config.use_views = 12;
   EXPECT_EQ(config.views_to_use(), 12);
   EXPECT_EQ(config_from_json(to_json(config)), config);
@@ -49,7 +49,7 @@ TEST(Config, ViewsToUseAreThoseItIsTrainedWithUnlessItSays) {
   }
 }
 
-// What a model does not have is not written: older readers know no such fields.
+// Fields of absent components are not written, since older readers do not know them.
 TEST(Config, ExtensionsAreWrittenWhereTheyAreThere) {
   for (const char* part : {"encoder", "vit_r", "vit_q", "poses", "share"})
     EXPECT_EQ(to_json(Config()).find(part), std::string::npos) << part;

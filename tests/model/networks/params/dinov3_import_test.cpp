@@ -1,4 +1,4 @@
-// Encoder-only files, DINOv3's in timm's and Meta's naming, become models with that encoder.
+// Files with only an encoder, including DINOv3's in timm's and Meta's naming, become models with that encoder.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 using test::expect_error;
 using test::ExtensionGolden;
 
-// Beside the vectors: "dinov3_micro" and "timm" of dinov3_micro_square.
+// Files beside the vectors: "dinov3_micro", and "timm" of dinov3_micro_square.
 std::string file_of(const std::string& size, const std::string& naming) {
   const std::string made = test::Golden::path_of(size + "_square");
   return made.substr(0, made.rfind('/') + 1) + size + "_" + naming + ".pth";
@@ -59,7 +59,7 @@ TEST(Dinov3Import, BothNamingsAreTheSameModel) {
          {"mask_token", "rope_embed.periods", "blocks.0.attn.qkv.bias", "blocks.0.attn.qkv.bias_mask"})
       EXPECT_EQ(left_out(got, name), meta) << name;
 
-    // And init takes it.
+    // `init` accepts the file, too.
     const test::TemporaryFolder folder;
     save_model(folder / "model.safetensors", model.config, model.weights);
     Weights weights = initial_weights(model.config, 9);
@@ -79,7 +79,7 @@ TEST(Dinov3Import, BiasesAndRoundedPeriods) {
   EXPECT_TRUE(model.config.vit_qkv_bias);
   EXPECT_EQ(model.config.vit_rope_periods, "bf16");
   for (const auto& [name, tensor] : golden.weights().all()) EXPECT_EQ(model.weights.at(name).data, tensor.data) << name;
-  options.fields.emplace_back("vit_rope_periods=bf16");  // which timm's does not tell
+  options.fields.emplace_back("vit_rope_periods=bf16");  // timm's file does not show it
   const ImportedModel other = import_model(timm, options);
   test::expect_equal(std::get<ModelFile>(other.model).weights, model.weights);
   EXPECT_EQ(std::get<ModelFile>(other.model).config, model.config);
@@ -88,7 +88,7 @@ TEST(Dinov3Import, BiasesAndRoundedPeriods) {
                [&] { import_model(meta, options); });
 }
 
-// In Meta's naming, with biases of the first block alone.
+// In Meta's naming, with biases in the first block only.
 TEST(Dinov3Import, ABlockWithoutItsBiasesIsNamed) {
   const ExtensionGolden golden("dinov3_micro_square", "encoder.model.");
   const Config config = with_fields(golden.config(), {"vit_qkv_bias=true", "vit_depth=2"});
@@ -139,7 +139,7 @@ TEST(Dinov3Import, WhatDoesNotFitIsNamed) {
   config.vit_registers = 2, config.vit_rope_periods = "bf16", config.vit_heads = 1;
   weights = initial_weights(config, 1);
   refused("rope_embed.periods holds other periods than 100^(4 i / 16)");
-  // LaRa's network has DINO's alone.
+  // LaRa's network has only DINO's encoder.
   const LaraConfig lara = named_lara_config("micro");
   weights = initial_weights(lara, 1);
   expect_error(Status::format, {path, "DINOv3's encoder, which LaRa's network does not take"},

@@ -93,7 +93,7 @@ TEST(GendenImport, ACheckpointOfANamedSizeIsItsModel) {
                [&] { load_model(folder / "genden.safetensors"); });
 }
 
-// The second published model has the same tensors in another order; whoever knows better says so.
+// The second published model has the same tensors in another order; the user may override what the order implies.
 TEST(GendenImport, TheOrderOfItsTensorsTellsTheResidualModel) {
   VSPLAT_NEED_LARA_GOLDEN("genden_tiny_residual");
   const std::string path = GendenGolden::checkpoint_of("genden_tiny_residual");

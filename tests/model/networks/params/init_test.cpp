@@ -77,7 +77,7 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
     ASSERT_EQ(static_cast<long>(tensor.data.size()), p.count()) << p.name;
     const Moments m = moments_of(tensor.data);
     const double n = static_cast<double>(p.count()), fan_in = static_cast<double>(p.fan_in);
-    // Six standard errors of the mean; of the variance too, a normal's, which is the larger.
+    // Six standard errors of the mean and of the variance; for the variance a normal's, which is the larger.
     const auto expect = [&](double variance) {
       EXPECT_NEAR(m.mean, 0, 6 * std::sqrt(variance / n)) << p.name;
       EXPECT_NEAR(m.variance, variance, 6 * variance * std::sqrt(2 / n)) << p.name;
@@ -98,7 +98,8 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
         break;
       case Init::submanifold:
         expect(1 / fan_in);
-        EXPECT_GT(m.most * std::sqrt(fan_in), 3) << p.name;  // a normal's tail, which no uniform has
+        EXPECT_GT(m.most * std::sqrt(fan_in), 3)
+            << p.name;  // the tail of a normal distribution, which a uniform one lacks
         EXPECT_TRUE(p.name.starts_with("voxel_network.") && p.shape.size() == 5) << p.name;
         break;
       case Init::normal:
@@ -127,7 +128,7 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
   }
 }
 
-// DINOv3's encoder, and what predicts rays.
+// DINOv3's encoder and the ray predictor.
 TEST(InitialWeights, OfExtensionsFollowTheirKind) {
   const Config config =
       with_fields(named_config("small"), {"encoder=dinov3", "vit_qkv_bias=true", "poses=predicted", "share_dim=64"});
@@ -140,7 +141,7 @@ TEST(InitialWeights, OfExtensionsFollowTheirKind) {
   EXPECT_NEAR(moments("encoder.model.reg_token").variance, 0.02 * 0.02, 1e-4);
   EXPECT_NEAR(moments("share.view_pos_emb").variance, 1, 1);
   EXPECT_GT(moments("share.view_pos_emb").most, 1);
-  // Xavier's, in the transformers and the head; else as a convolution begins.
+  // Xavier's initialisation in the transformers and the head; elsewhere that of convolutions.
   EXPECT_NEAR(moments("share.transformer.layers.0.self_attn.q_proj.weight").variance, 2.0 / (64 + 64), 2e-3);
   EXPECT_NEAR(moments("share.ray_predictor.blocks.3.mlp.fc1.weight").variance, 2.0 / (256 + 1024), 1e-4);
   EXPECT_EQ(moments("share.ray_predictor.blocks.3.mlp.fc1.bias").most, 0);
@@ -154,7 +155,7 @@ TEST(InitialWeights, OfExtensionsFollowTheirKind) {
   }
 }
 
-// What LaRa's network has beside VS-Splat's: embeddings, attention without biases, heads.
+// The parts that only LaRa's network has: embeddings, attention without biases, heads.
 TEST(InitialWeights, OfLaraFollowTheirKind) {
   const LaraConfig config = named_lara_config("tiny");
   const Weights weights = initial_weights(config, 3);
@@ -175,7 +176,7 @@ TEST(InitialWeights, OfLaraFollowTheirKind) {
 }
 
 TEST(InitialWeights, ASeedGivesTheSameBytesEverywhere) {
-  // Pinned: on another machine, compiler or C library they must be these.
+  // Pinned values: they must not depend on machine, compiler or C library.
   EXPECT_EQ(digest_of(initial_weights(named_config("micro"), 0)),
             "f140263e82d176a654f2a3e6611b683a4b8d25ba6fdda99c72cfdff8f60b5f1a");
   EXPECT_EQ(digest_of(initial_weights(named_config("micro"), 1ull << 40)),
@@ -193,7 +194,7 @@ TEST(InitialWeights, SeedsAndTensorsDiffer) {
       continue;
     }
     EXPECT_NE(a.at(p.name).data, b.at(p.name).data) << p.name;
-    // The same numbers under two names would be tensors that share a stream, up to their scale.
+    // Equal numbers under two names would mean that the tensors share a random stream, up to their scale.
     const auto& x = a.at(p.name).data;
     if (x.size() < 2) continue;
     starts.insert({x[0] / x[1], x[1]});
@@ -229,7 +230,7 @@ TEST(InitialWeights, OtherSizesLeaveATensorsNumbersAlone) {
 
 class EncoderTest : public ::testing::Test {
  protected:
-  // The encoder of some initial weights under another prefix, and what else is put beside it.
+  // Writes the encoder of initial weights under another prefix, with extra tensors.
   std::string write(const std::string& prefix, const Config& config, const std::map<std::string, Shape>& extra = {},
                     const std::string& without = "") {
     const Weights source = initial_weights(config, 77);

@@ -27,7 +27,7 @@ TEST(LaraImport, ACheckpointOfANamedSizeIsItsModel) {
   const LaraModelFile& model = std::get<LaraModelFile>(got.model);
   EXPECT_EQ(model.config, golden.config());
   expect_equal(model.weights, golden.weights());
-  // Buffers that nothing reads, and what Lightning writes beside the weights.
+  // Unused buffers, and what Lightning writes beside the weights.
   for (const char* name : {"net.dense_grid", "net.centers", "net.volume_grid", "net.group_centers", "optimizer_states"})
     EXPECT_EQ(std::count(got.left_out.begin(), got.left_out.end(), name), 1) << name;
 
@@ -49,7 +49,7 @@ TEST(LaraImport, ACheckpointOfANamedSizeIsItsModel) {
 TEST(LaraImport, WhatShapesDoNotTellIsAskedFor) {
   VSPLAT_NEED_LARA_GOLDEN("lara_micro_gaussian");
   const std::string path = LaraGolden::checkpoint_of("lara_micro_gaussian");
-  // With the buffer that tells its size, feature_volume is known; GenDen's kind keeps it, too.
+  // With the buffer that shows its size, feature_volume is known; GenDen's files have that buffer, too.
   expect_error(Status::usage, {"vit_heads, heads, fine_heads, windows, image, offset_cells: give each"},
                [&] { import_model(path); });
   ImportOptions options;
@@ -81,7 +81,7 @@ TEST(LaraImport, WhatContradictsTheShapesIsRefused) {
   EXPECT_EQ(std::get<LaraModelFile>(import_model(path, options).model).config.revision, "current");
 }
 
-// A file without the field is VS-Splat's, as all files were before there was another architecture.
+// A file without the field is VS-Splat's, since files had no such field before there were other architectures.
 TEST(Systems, AreToldByTheFile) {
   const TemporaryFolder folder;
   const Config config = named_config("micro");

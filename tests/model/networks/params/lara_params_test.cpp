@@ -61,7 +61,7 @@ TEST(LaraConfig, NamedOnesAreTheSpecifications) {
   EXPECT_EQ(test::LaraGolden::load("lara_micro").config(), named_lara_config("micro"));
   EXPECT_NE(refusal([] { named_lara_config("paper"); }, Status::usage).find("published, small, tiny, micro"),
             std::string::npos);
-  // json.dumps(asdict(Config())) of the specification, which has no `rebase`.
+  // json.dumps(asdict(Config())) of the specification, which lacks `rebase`.
   const std::string text =
       R"({"image": 512, "views": 4, "patch": 16, "vit_dim": 768, "vit_depth": 12, "vit_heads": 12, "vit_pos_grid": 14,
           "feature_volume": 16, "volume": 32, "windows": [16], "volume_ch": 256, "layers": 12, "heads": 16,

@@ -24,7 +24,7 @@ using test::TemporaryFolder;
 
 class ModelFileTest : public ::testing::Test {
  protected:
-  // The tensors of a model as they would be written, for tests that then spoil them.
+  // A model's tensors as they would be written, for tests that damage them.
   struct Draft {
     std::vector<TensorToWrite> tensors;
     std::map<std::string, std::string> metadata;
@@ -186,7 +186,7 @@ TEST_F(ModelFileTest, NamesWhatIsWrongInTheMetadata) {
   EXPECT_NE(refusal(d).find("imaeg"), std::string::npos);
   d.metadata["config"] = R"({"image": 17})";
   EXPECT_NE(refusal(d).find("image must be a multiple of patch (found 17 and 16)"), std::string::npos);
-  d.metadata["config"] = "{}";  // the paper's sizes, which these are not
+  d.metadata["config"] = "{}";  // the paper's sizes, which the tensors do not have
   EXPECT_NE(refusal(d).find("shape"), std::string::npos);
 }
 
@@ -206,7 +206,7 @@ TEST_F(ModelFileTest, SavesHalves) {
   EXPECT_EQ(info.dtypes, (std::map<std::string, std::size_t>{{"F16", info.tensors}}));
   EXPECT_EQ(verify_model(path), HashState::matches);
   EXPECT_LT(contents_of(path).size(), contents_of(saved()).size());
-  // What was rounded once is exact.
+  // Values that were rounded once are exact.
   EXPECT_EQ(contents_of(save("again", model.weights)), contents_of(path));
 }
 
@@ -280,12 +280,12 @@ TEST_F(Damage, ABitFlippedAnywhere) {
   for (int i = 0; i < 100; ++i) EXPECT_TRUE(flip(random() % ((whole.size() - 8 - length) * 8) + (8 + length) * 8));
   int refused = 0;
   for (int i = 0; i < 300; ++i) refused += flip(random() % ((8 + length) * 8));
-  EXPECT_GE(refused, 290);  // the rest: capitals in the digest, or a hash under another name
+  EXPECT_GE(refused, 290);  // the rest: capitals in the digest, or another name for the hash
   for (std::size_t bit = 0; bit < 64; ++bit) EXPECT_TRUE(flip(bit));
 }
 
 TEST_F(Damage, ABitFlippedInAHeaderWithoutHash) {
-  // A changed setting or a harmless word is not detected. But no tensor is read with other values than its own.
+  // A changed setting or a harmless word is not detected. But every tensor that is read has its own values.
   const std::string whole = contents_of(written(draft())), path = folder_.path("x");
   std::uint64_t length = 0;
   std::memcpy(&length, whole.data(), 8);
@@ -304,7 +304,7 @@ TEST_F(Damage, ABitFlippedInAHeaderWithoutHash) {
       ++refused;
     }
   }
-  EXPECT_GE(refused, 290);  // the rest: a setting that no shape follows from
+  EXPECT_GE(refused, 290);  // the rest: settings that affect no shape
 }
 
 }  // namespace

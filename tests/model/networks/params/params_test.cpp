@@ -37,7 +37,7 @@ TEST(Params, OfExtensionsAreTheReferencesStateDict) {
   }
 }
 
-// The encoder of DINOv3's ViT-B/16 and the predictor as SHARE's configuration for objects has it.
+// The encoder of DINOv3's ViT-B/16, and the predictor in SHARE's configuration for objects.
 TEST(Params, OfPublishedExtensions) {
   const Config config = with_fields(named_config("paper"), {"encoder=dinov3", "poses=predicted"});
   std::map<std::string, Shape> shapes;
@@ -68,13 +68,13 @@ INSTANTIATE_TEST_SUITE_P(Golden, ParamsOfTiny, ::testing::ValuesIn(test::golden_
                          [](const auto& one) { return one.param; });
 
 TEST(GoldenCases, AreThoseOfTheScript) {
-  // A name that the script does not make would only ever be skipped.
+  // A name that the script does not make would always be skipped.
   const std::string script = test::contents_of(std::filesystem::path(Golden::path_of("micro")).parent_path().string() +
                                                "/../reference/pytorch/make_cases.py");
   const std::size_t begin = script.find("TINY = {");
   ASSERT_NE(begin, std::string::npos);
   const std::string table = script.substr(begin, script.find("\n}", begin) - begin);
-  const std::string key = "\n    \"";  // its lines begin so, and none else do
+  const std::string key = "\n    \"";  // only the lines of its table begin like this
   std::set<std::string> made;
   for (std::size_t at = table.find(key); at != std::string::npos; at = table.find(key, at + 1)) {
     const std::size_t name = at + key.size();
@@ -91,7 +91,7 @@ TEST(Params, CountsAreTheReferences) {
 }
 
 TEST(Params, NamesAreDistinctAndGradientsCoverThem) {
-  // Every trained parameter of the reference has a gradient in the golden file, and nothing else has.
+  // The golden file has a gradient for every trained parameter of the reference, and for nothing else.
   const Golden golden = Golden::load("micro");
   std::set<std::string> names;
   for (const Parameter& p : parameters(golden.config())) {

@@ -60,7 +60,7 @@ TEST_P(Dinov3, EveryStageAndGradientMatches) {
     expect(ctx().read<float>(s.middle), block + "middle");
     expect(ctx().read<float>(i + 1 < saved.blocks.size() ? saved.blocks[i + 1].x : saved.last), block + "out");
   }
-  // Made for inference: the same.
+  // A Vit made for inference gives the same result.
   const Vit plain(ctx(), sizes, golden.weights());
   expect(ctx().read<float>(plain.forward(ctx(), images)), "normed");
 
@@ -81,7 +81,7 @@ TEST_P(Dinov3, EveryStageAndGradientMatches) {
     ++compared;
   }
   EXPECT_EQ(compared, 6 + sizes.vit_depth * (13 + (sizes.qkv_bias ? 2 : 0)));
-  // Added to, and by the same bits.
+  // Gradients are added to, and have the same bits again.
   learnt.zero_gradients(ctx());
   vit.backward(ctx(), saved, dy);
   for (const auto& [weight, values] : first) EXPECT_EQ(ctx().read<float>(learnt.at(weight).gradient), values) << weight;

@@ -1,4 +1,4 @@
-// The backward of the encoder and of the modulation, against differences of both in double.
+// The backward of the encoder and of the modulation, against differences of a forward in double.
 #include <functional>
 
 #include "model/diagnose/selftest/reference/plucker.h"
@@ -71,7 +71,7 @@ Row encoder_differences(Row& x, const std::vector<float>& dy, const std::functio
   return out;
 }
 
-// By every weight whose name begins with `prefix`.
+// Differences by every weight whose name begins with `prefix`.
 std::map<std::string, Row> encoder_differences(const std::string& prefix, ref::Encoder encoder,
                                                const std::vector<float>& dy,
                                                const std::function<Row(const ref::Encoder&)>& f) {

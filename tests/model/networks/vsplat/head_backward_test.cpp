@@ -73,7 +73,7 @@ class HeadBackward : public test::FlavourTest {
     const auto field = [&](const char* name) { return test::golden_upload(ctx(), golden, level + "." + name); };
     return {field("means"), field("scales"), field("quats"), field("opacities"), field("sh")};
   }
-  // The gradients by the weights that begin like this, against PyTorch's; zeros where it has none.
+  // Compares the gradients by the weights with this prefix with PyTorch's, or with zeros if it has none.
   void expect_gradients(const test::Golden& golden, const LearntWeights& learnt, const std::string& prefix) {
     for (const std::string& name : learnt.names()) {
       if (!name.starts_with(prefix)) continue;
@@ -171,7 +171,7 @@ TEST_P(HeadBackward, OfFineHeadsWithoutVoxels) {
   }
 }
 
-// With levels "fine" the fine heads' weights depend on nothing but the final Gaussians.
+// With levels "fine", only the final Gaussians depend on the fine heads' weights.
 TEST_P(HeadBackward, OfFineHeadsMatchesTheSpecification) {
   for (const std::string& name : test::golden_present()) {
     const test::Golden golden = test::Golden::load(name);
@@ -192,9 +192,9 @@ TEST_P(HeadBackward, OfFineHeadsMatchesTheSpecification) {
   }
 }
 
-// With other levels the coarse heads' weights depend on nothing but the Gaussians, through selection and gathering.
+// With other levels, the coarse heads' weights affect the Gaussians only through selection and gathering.
 TEST_P(HeadBackward, OfSelectionAndCoarseHeadsMatchesTheSpecification) {
-  VSPLAT_NEED_GOLDEN("micro_skeletal");  // none of those with gradients that are committed has other levels
+  VSPLAT_NEED_GOLDEN("micro_skeletal");  // no committed case with gradients has other levels
   for (const std::string& name : test::golden_present()) {
     const test::Golden golden = test::Golden::load(name);
     const Config& config = golden.config();

@@ -1,4 +1,4 @@
-// Lifting's gradients: of a loss that is sum(dout out), by its definition in double.
+// Lifting's gradients, for the loss sum(dout out), against its definition in double.
 #include "model/networks/vsplat/lift.h"
 
 #include <fmt/format.h>
@@ -82,7 +82,7 @@ class LiftingBackward : public test::FlavourTest {
 };
 VSPLAT_FLAVOURS(LiftingBackward);
 
-// The largest takes more than one block of voxels; the camera inside the cube has voxels behind it.
+// The largest case takes more than one block of voxels; one camera is inside the cube, with voxels behind it.
 TEST_P(LiftingBackward, MatchesReference) {
   for (const auto& [volume, views, radius] :
        {std::tuple{4, 2, 1.6}, {2, 1, 1.6}, {5, 4, 0.8}, {6, 3, 0.3}, {22, 3, 1.6}}) {

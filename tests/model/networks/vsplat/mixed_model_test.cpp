@@ -1,5 +1,5 @@
-// The network in mixed precision, on emulated matrix units: every stage against PyTorch's vectors within what bf16
-// operands may take there, with every product rounded, however small; and the same bits each time.
+// The network in mixed precision on emulated matrix units, with every product rounded, however small. Every stage is
+// compared with PyTorch's vectors, within the error that bf16 operands may cause; two runs give the same bits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -61,7 +61,7 @@ class MixedModel : public ::testing::TestWithParam<const char*> {
   test::Variable every_product_{"VSPLAT_MATRIX_LEAST", "1"};
 };
 
-// Some twice what these vectors give.
+// About twice the errors measured with these vectors.
 constexpr StageBound kBounds[] = {
     {"features", 8e-3},         {"volume", 7e-3},          {"logits", 1.1e-2},     {"confidence", 9e-3},
     {"coarse.means", 5e-5},     {"coarse.scales", 1.2e-3}, {"coarse.quats", 1e-2}, {"coarse.sh", 8e-3},

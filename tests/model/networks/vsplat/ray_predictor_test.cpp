@@ -1,4 +1,4 @@
-// The ray predictor by itself, every stage of it and every gradient, against the PyTorch specification's vectors.
+// The ray predictor alone: every stage and every gradient, against the PyTorch specification's vectors.
 #include "model/networks/vsplat/ray_predictor.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ class RayPredictorVectors : public test::VectorsTest {};
 VSPLAT_VECTORS(RayPredictorVectors, predictor_vectors({"micro", "tiny"}));
 VSPLAT_SLOW_VECTORS(RayPredictorVectors, predictor_vectors({"tiny_seed1", "tiny_seed2"}));
 
-// Features preceded by the class token, on which nothing may depend.
+// Features after a class token, on which no result may depend.
 std::vector<float> with_class_token(const HostTensor& features, float value) {
   const long v = features.shape[0], patches = features.shape[1] * features.shape[2], c = features.shape[3];
   std::vector<float> out;

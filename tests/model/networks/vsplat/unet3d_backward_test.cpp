@@ -37,7 +37,7 @@ struct Unet3dProblem {
     dout = test::random_floats(voxels * ch, 2);
   }
 
-  // sum(dout out), along `by` from x, one of the weights or the input `volume`: central differences.
+  // Central difference of sum(dout out) from x, a weight or the input `volume`, in the direction `by`.
   double slope(std::vector<double>& x, const std::vector<double>& volume, const std::vector<float>& by) const {
     constexpr double h = 1e-5;
     double sums[2] = {0, 0};
@@ -92,7 +92,7 @@ TEST_P(VolumeBackward, AgreesWithDifferences) {
     const std::vector<float> by_input = run(p, learnt);
     p.expect_gradient("input", x, x, by_input);
     for (auto& [name, weight] : p.reference.weights) {
-      if (name.starts_with("conv_in.0.")) continue;  // lifting's
+      if (name.starts_with("conv_in.0.")) continue;  // belongs to lifting
       p.expect_gradient(name, weight, x, ctx().read<float>(learnt.at(kVolumeNetwork + name).gradient));
     }
   }

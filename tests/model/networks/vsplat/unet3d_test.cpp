@@ -12,7 +12,7 @@ class VolumeStage : public test::FlavourTest {};
 VSPLAT_FLAVOURS(VolumeStage);
 
 TEST_P(VolumeStage, MatchesTheSpecification) {
-  // The others' networks and inputs are those of "tiny".
+  // The other cases have the networks and inputs of "tiny".
   for (const char* name :
        {"micro", "micro_noise", "micro_levels1", "micro_levels3", "tiny", "tiny_seed1", "tiny_views1", "tiny_paper"}) {
     if (!test::Golden::exists(name)) continue;

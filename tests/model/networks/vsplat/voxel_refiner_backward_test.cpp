@@ -14,7 +14,7 @@ namespace {
 
 const std::string kVoxelNetwork = "voxel_network.";
 
-// Every number random; `share` of the voxels selected.
+// Random values; `share` of the voxels is selected.
 ref::RefineCase make_case(const Config& config, float share) {
   ref::RefineCase in;
   in.config = config;
@@ -37,7 +37,7 @@ ref::RefineCase make_case(const Config& config, float share) {
   return in;
 }
 
-// As LearntWeights want them: all of the model's, the other stages' zeros.
+// The weights that LearntWeights requires: all of the model's, with zeros for the other stages.
 Weights all_weights(const ref::RefineCase& in) {
   Weights out;
   for (const Parameter& p : parameters(in.config)) {
@@ -80,7 +80,7 @@ class RefinementBackward : public test::FlavourTest {
     const Refinement::Gradients d{gradient(input.volume), gradient(input.features), gradient(input.means)};
     refinement.backward(ctx(), saved, ctx().upload({p, config.fine_dim}, drefined), d);
 
-    // Whether the derivative along a random direction is what the gradient says.
+    // Compares the derivative along a random direction with the gradient.
     std::uint32_t seed = 100;
     const auto compare = [&](const std::string& name, std::vector<double>& x, const Tensor& got) {
       const std::vector<float> g = ctx().read<float>(got);

@@ -1,5 +1,5 @@
-// The whole network, every stage of it, against the PyTorch specification's vectors; and the properties that hold of a
-// run as a whole.
+// The whole network: every stage, against the PyTorch specification's vectors, and the properties that hold for a run
+// as a whole.
 #include "model/networks/vsplat/vsplat_model.h"
 
 #include <gtest/gtest.h>
@@ -165,7 +165,7 @@ TEST_P(Model, PlanTellsTheMemoryOfTheRun) {
     return Inputs{on.upload({golden.views(), config.image, config.image, 3}, images),
                   upload_cameras(on, test::golden_cameras(golden))};
   };
-  {  // a slab for measuring, as the plan counts it: a slab that an arena makes by itself is larger than micro's total
+  {  // a slab for measuring, since a slab that an arena makes by itself is larger than micro's total
     const auto planner = run_ctx->planner();
     const Inputs planned = upload(*planner);
     run_ctx->memory().commit(planner->memory());
