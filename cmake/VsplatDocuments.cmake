@@ -1,4 +1,4 @@
-# vsplat_install_document(FILE NAME COMPONENT): a page of the source tree as one that is installed, without links to what is not.
+# vsplat_install_document(FILE NAME COMPONENT): installs a page of the source tree, without its links to files that are not installed.
 function(vsplat_install_document file name component)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
   file(READ ${file} text)

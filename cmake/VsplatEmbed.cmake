@@ -1,5 +1,5 @@
-# vsplat_embed(OUT FUNCTION files...): a C++ source with a function (as in runtime/embedded.h) that returns the text of
-# every file, so that an installed library needs no files beside it. One rule, re-run when any of the files changes.
+# vsplat_embed(OUT FUNCTION files...): makes a C++ source with a function (as in runtime/embedded.h) that returns the text of every file, so
+# that an installed library needs no files beside it. It is made again whenever one of the files changes.
 function(vsplat_embed out function)
   set(paths)
   foreach(file ${ARGN})
@@ -10,6 +10,6 @@ function(vsplat_embed out function)
     COMMAND ${CMAKE_COMMAND} -DOUT=${out} -DFUNCTION=${function} "-DFILES=${joined}" -P ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
     DEPENDS ${paths} ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
     COMMENT "Embedding for ${function}" VERBATIM)
-  # A target of its own, so that it does not wait for the libraries of the one whose source it makes.
+  # A separate target, so that it does not wait for the libraries of the target whose source it makes.
   add_custom_target(${function}_text DEPENDS ${out})
 endfunction()

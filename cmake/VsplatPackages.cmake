@@ -1,10 +1,10 @@
 # Debian packages, by CPack: `cmake --build build/release --target package` puts them into build/release/packages.
 #   libvsplat1      the library, with the model inside
-#   libvsplat1-data what it reads meshes and HDF5 files with, and draws meshes and random objects: Embree, assimp, Draco, meshoptimizer, HDF5
+#   libvsplat1-data the programs that read meshes and HDF5 files, and draw meshes and random objects: Embree, assimp, Draco, meshoptimizer, HDF5
 #   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
-#   libvsplat1-mpi  the module for MPI, where VSPLAT_MPI builds it
-#   vsplat-window   the example that shows a scene and turns it with the mouse, where SDL is there
-#   vsplat          the command with its manual and completions, the Python module, and four pictures to try it on
+#   libvsplat1-mpi  the MPI module, if VSPLAT_MPI builds it
+#   vsplat-window   the example that shows a scene and rotates it with the mouse, if SDL is installed
+#   vsplat          the command with its manual and completions, the Python module, and four example pictures
 # tests/install/packages.sh installs them in a bare system.
 set(VSPLAT_MAINTAINER "" CACHE STRING "Who answers for packages, NAME <ADDRESS>; empty: the author of the newest commit")
 set(maintainer ${VSPLAT_MAINTAINER})
@@ -17,7 +17,7 @@ if(NOT maintainer)
   return()
 endif()
 
-# The licence: once where all is installed, and once for each package.
+# The licence: one copy for an installation of everything, and one for each package.
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT licence)
 set(library_package libvsplat${VSPLAT_SOVERSION})
 set(parts library:${library_package} dev:libvsplat-dev tools:vsplat)
@@ -50,7 +50,7 @@ set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/packages)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_GROUPING IGNORE)  # a package each
+set(CPACK_COMPONENTS_GROUPING IGNORE)  # one package for each component
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_PACKAGE_CONTACT ${maintainer})
 set(CPACK_DEBIAN_PACKAGE_MAINTAINER ${maintainer})
@@ -63,7 +63,7 @@ set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY ">=")  # within a major version 
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")  # the first line of each package's description
 
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
-set(CPACK_DEBIAN_LIBRARY_PACKAGE_RECOMMENDS "pocl-opencl-icd | opencl-icd")  # it works with any, and with none not at all
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_RECOMMENDS "pocl-opencl-icd | opencl-icd")  # works with any driver, and not at all without one
 set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: library
 Four posed photographs of an object in, a 3D Gaussian splat and pictures of it
 from anywhere out, in one forward pass of a network, on any OpenCL 1.2 device:

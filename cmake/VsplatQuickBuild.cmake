@@ -1,13 +1,13 @@
-# What continuous integration and the sanitizers build with (`tests/run.sh --strict`, `--asan`): a clean build takes half of the
+# The quick build of continuous integration and the sanitizers (`tests/run.sh --strict`, `--asan`): a clean build takes half of the
 # processor's time.
-#   vsplat_precompile(TARGET <header>...)  system headers that most sources of a target include, parsed once. None of ours is among
-#                                          them, since everything would be compiled again after a change of it.
-#   vsplat_precompile_as(TARGET OTHER)     those of OTHER, which is compiled with the same options
-#   vsplat_optimize(TARGET LEVEL)          not by -O3: tests and the command compute little of their own
+#   vsplat_precompile(TARGET <header>...)  precompiles system headers that most sources of a target include. Our own headers are not among
+#                                          them, since a change of one would compile everything again.
+#   vsplat_precompile_as(TARGET OTHER)     uses the precompiled headers of OTHER, which is compiled with the same options
+#   vsplat_optimize(TARGET LEVEL)          replaces -O3: tests and the command compute little themselves
 #   vsplat_together(TARGET FOLDERS <folder>... [ALONE <source>...])
-#                                          each folder's sources are compiled as one: most of the time goes into headers. All but those
-#                                          that stand alone: they have names in their unnamed namespaces that others there have, too.
-# Without it sources are found that do not include what they use; the linter and the fuzzers see them so, too.
+#                                          compiles each folder's sources as one, since most of the time goes into headers. Sources listed
+#                                          under ALONE have names in unnamed namespaces that other sources of the folder have, too.
+# The ordinary build finds sources that do not include what they use; so do the linter and the fuzzers.
 option(VSPLAT_QUICK_BUILD "Precompile system headers, join sources, and hardly optimise tests and the command" OFF)
 function(vsplat_precompile target)
   if(VSPLAT_QUICK_BUILD)
@@ -39,16 +39,16 @@ function(vsplat_together target)
       endif()
     endforeach()
     if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-      # A tenth of the compiler's time goes into looking for memory that it could use again: not before it has taken 2 GiB.
+      # The compiler spends a tenth of its time on garbage collection; this starts it only from 2 GiB on.
       target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:--param=ggc-min-heapsize=2097152>)
-      # Types and names of unnamed namespaces are no longer the main source's, and the other sources see them.
+      # Names in unnamed namespaces no longer belong to a main source, and the other sources of the unit see them.
       target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage -Wno-shadow>)
     endif()
   endif()
 endfunction()
 function(vsplat_precompiled_options target)
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-    # False alarms of GCC 12 in std::string (its bug 105651), which it keeps to itself where the header was not precompiled.
+    # GCC 12 reports false alarms in std::string (its bug 105651), which it suppresses if the header is not precompiled.
     target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-stringop-overflow -Wno-array-bounds>)
   endif()
 endfunction()

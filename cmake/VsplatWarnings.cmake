@@ -1,5 +1,5 @@
-# vsplat_target(name): our warnings, as errors where VSPLAT_WERROR says so, and the sanitizers where they are asked for. Each compiler has
-# warnings of its own: whoever only builds this is not to be stopped by a newer one.
+# vsplat_target(name): enables our warnings, as errors with VSPLAT_WERROR, and the sanitizers on request. By default warnings are no errors,
+# since each compiler has its own, and a newer compiler must not stop a user's build.
 function(vsplat_target name)
   target_compile_options(${name} PRIVATE -Wall -Wextra -Wpedantic $<$<BOOL:${VSPLAT_WERROR}>:-Werror> -Wshadow
     -Wno-restrict  # false alarms of GCC 12 in std::string (its bug 105651)

@@ -1,12 +1,11 @@
 #!/bin/sh
-# Packs a built vsplat so that it runs from any folder of a machine where nothing is installed but an OpenCL driver: the command, its
-# library, every shared library that they need, the OpenCL loader among them, and what runs on a GPU for a first time
-# (bench/gpu-first-hour.sh) and trains there (model/weights/train-on-a-gpu.sh). The C library comes along, too, but is used only where the
-# machine's is older than the one here.
+# Packs a built vsplat so that it runs from any folder of a machine on which only an OpenCL driver is installed: the command, its library,
+# every shared library that they need, including the OpenCL loader, and the scripts for the first runs on a GPU (bench/gpu-first-hour.sh) and
+# for training there (model/weights/train-on-a-gpu.sh). The C library is packed, too, but used only if the machine's is older than this one's.
 #   cmake/bundle.sh [--build DIR] [--reader] [--tests] [--limit MIB] OUTPUT
-# OUTPUT is NAME.tar.xz, NAME.tar.gz (larger, but a bare machine may have no xz), or a folder that is not there yet. DIR is the build,
-# build/release where none is named; an archive of more than MIB (40) is an error. --reader adds the program that reads meshes and HDF5 files,
-# with its libraries: training on random objects and on folders of pictures does without. --tests adds the kernels' test programs.
+# OUTPUT is NAME.tar.xz, NAME.tar.gz (larger, but a bare machine may lack xz), or a folder that does not exist yet. DIR is the build, by
+# default build/release. An archive larger than MIB (40) is an error. --reader adds the program that reads meshes and HDF5 files, with its
+# libraries; training on random objects and on folders of pictures does not need it. --tests adds the kernels' test programs.
 set -eu
 usage() {
   echo "usage: $0 [--build DIR] [--reader] [--tests] [--limit MIB] OUTPUT.tar.xz|OUTPUT.tar.gz|FOLDER" >&2
@@ -61,7 +60,7 @@ mkdir -p "$top/bin" "$top/lib" "$top/libc" "$top/model/weights"
 cp "$program" "$top/bin/vsplat.elf"
 cp -L "$library" "$top/lib/libvsplat.so.1"
 own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.1"
-# As in the build's tree, programs are looked for beside the folder of the library.
+# Programs are searched beside the library's folder, as in the build tree.
 mkdir -p "$top/libexec/vsplat"
 cp "$look" "$top/libexec/vsplat/vsplat-look.elf"
 own="$own;$top/libexec/vsplat/vsplat-look.elf"
@@ -97,14 +96,14 @@ while read -r file; do
   esac
 done <"$work/libraries"
 [ -f "$top/lib/libOpenCL.so.1" ] || fail "vsplat needs no libOpenCL.so.1: the OpenCL loader is missing in what was packed"
-# What a driver may ask the C library for though nothing here does.
+# Parts of the C library that a driver may need although nothing here does.
 for name in libdl.so.2 libpthread.so.0 librt.so.1; do
   file=$(dirname "$(awk '$1 == "libc.so.6" { print $3; exit }' "$work/needed")")/$name
   if [ -f "$file" ]; then cp -L "$file" "$top/libc/$name"; fi
 done
 loader=$(cd "$top/libc" && ls ld-linux*) || fail "no ld-linux is among the libraries that ldd names"
 
-# No folder of this machine stays in what is packed, and no symbols.
+# Removes symbols, and paths to folders of this machine.
 cat >"$work/strip.cmake" <<'END'
 foreach(file ${FILES})
   file(RPATH_REMOVE FILE "${file}")
@@ -117,7 +116,7 @@ wanted=$(find "$top" -type f \( -name '*.elf' -o -path '*/lib/*' \) -exec objdum
   grep -o 'GLIBC_2\.[0-9]*' | sort -t. -k2n | tail -n 1 | sed 's/GLIBC_//')
 carried=$(objdump -T "$top/libc/libc.so.6" | grep -o 'GLIBC_2\.[0-9]*' | sort -t. -k2n | tail -n 1 | sed 's/GLIBC_//')
 
-# launcher FILE UP PROGRAM: starts PROGRAM of the bundle, whose top is UP from FILE's folder.
+# launcher FILE UP PROGRAM: writes FILE, which starts PROGRAM of the bundle; UP is the path from FILE's folder to the bundle's.
 launcher() {
   sed -e "s|@UP@|$2|g" -e "s|@PROGRAM@|$3|g" -e "s|@LOADER@|$loader|g" -e "s|@WANTED@|${wanted#2.}|g" >"$1" <<'END'
 #!/bin/sh

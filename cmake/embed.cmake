@@ -1,5 +1,5 @@
 # cmake -DOUT=x.cpp -DFUNCTION=name "-DFILES=a.cl|b.clh" -P embed.cmake
-# Text goes into raw literals of under 8 KB each (compilers need accept no more than 64 KB).
+# Writes text as raw literals of less than 8 KB each, since compilers need not accept more than 64 KB.
 string(REPLACE "|" ";" FILES "${FILES}")
 set(body "// Made by cmake/embed.cmake. Do not edit.\n#include \"runtime/embedded.h\"\n\nconst vsplat::EmbeddedFile* ${FUNCTION}(std::size_t* count);\nconst vsplat::EmbeddedFile* ${FUNCTION}(std::size_t* count) {\n  static const vsplat::EmbeddedFile files[] = {\n")
 foreach(path ${FILES})

@@ -1,9 +1,9 @@
 #!/bin/sh
-# Installs the Debian packages that vsplat is built with, on Debian 12 and 13. Does nothing where all are there; asks sudo where not root.
-#   cmake/install-packages.sh           what the build and the tests in C++ need
+# Installs the Debian packages that building vsplat needs, on Debian 12 and 13. Does nothing if all are installed; uses sudo unless run as root.
+#   cmake/install-packages.sh           what the build and the C++ tests need
 #   cmake/install-packages.sh --tests   also what the other tests use: the PyTorch reference, other OpenCL devices, linters
 #   cmake/install-packages.sh --list    only prints the names
-# What the other tests use and this release of Debian does not have is left out, and named: these tests are left out, too.
+# Packages for the other tests that this Debian release lacks are skipped, with a message that names the tests they leave out.
 set -eu
 
 build="build-essential cmake ninja-build git pkg-config
@@ -31,16 +31,16 @@ if [ "$list" = yes ]; then
   exit 0
 fi
 
-# Prints those of the named packages that are not installed.
+# Prints the named packages that are not installed.
 missing_of() {
   for package in "$@"; do
     state=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) || state=
     [ "$state" = installed ] || echo "$package"
   done
 }
-# Whether a package can be installed, by the lists that apt has.
+# Whether apt's lists contain the package.
 is_known() { apt-cache policy "$1" 2>/dev/null | grep '^ *Candidate:' | grep -qv '(none)'; }
-# What tests are left out without a package that this release does not have.
+# The tests that are left out without a package that this release lacks.
 left_out_without() {
   case $1 in
     oclgrind) echo "the tests oclgrind.*, which look for data races in kernels" ;;
@@ -60,7 +60,7 @@ as_root() {
   fi
   $sudo "$@"
 }
-# All that is missing may be what an up-to-date list does not have: then there is nothing to do.
+# If an up-to-date list contains none of the missing packages, there is nothing to do.
 wanted=
 if is_known build-essential; then
   for package in $missing; do

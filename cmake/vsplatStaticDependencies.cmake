@@ -1,4 +1,4 @@
-# What libvsplat.a needs: as CMakeLists.txt finds it, but for headers alone and for what only vsplat-read and vsplat-rays.so need.
+# Finds the dependencies of libvsplat.a like CMakeLists.txt, except header-only ones and those of vsplat-read and vsplat-rays.so.
 include(CMakeFindDependencyMacro)
 find_dependency(fmt)
 find_dependency(PNG)

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs, builds, and reconstructs an object from four pictures, which the built-in model was not trained on, then one
-# from photographs. Fits both scenes. Leaves its results in out/quickstart.
+# Installs packages, builds, and reconstructs two objects: one from four pictures, which the built-in model was not trained on, and one from
+# 48 photographs. Fits both scenes. Writes the results to out/quickstart.
 set -eu
 cd "$(dirname "$0")/.."
 

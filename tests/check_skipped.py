@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""check_skipped.py RESULTS NAMES CASES: fails where a test was skipped or not run that tests/may-skip.txt does not name.
+"""check_skipped.py RESULTS NAMES CASES: fails if a test was skipped or not run, unless tests/may-skip.txt names it.
 
-RESULTS is what ctest --output-junit wrote, NAMES what `ctest --show-only=json-v1` printed, CASES the folder where GoogleTest wrote what
-became of each case of a suite. A pattern that matches no test is a mistake, too."""
+RESULTS: the output of ctest --output-junit. NAMES: the output of `ctest --show-only=json-v1`. CASES: the folder in which GoogleTest wrote the
+result of each case of a suite. A pattern that matches no test is an error, too."""
 import fnmatch
 import json
 import pathlib
@@ -13,7 +13,7 @@ LIST = pathlib.Path(__file__).with_name("may-skip.txt")
 
 
 def allowed():
-    """-> [(pattern, reason)]"""
+    """Returns [(pattern, reason)]."""
     out = []
     for number, line in enumerate(LIST.read_text().splitlines(), 1):
         if line.strip() and not line.startswith("#"):
@@ -25,7 +25,7 @@ def allowed():
 
 
 def skipped(results):
-    """-> names of the tests that did not run to an end of their own"""
+    """Returns the names of the tests that did not run to their end."""
     cases = list(xml.parse(results).getroot().iter("testcase"))
     if not cases:
         sys.exit(f"{results}: no test ran")
@@ -33,7 +33,7 @@ def skipped(results):
 
 
 def cases_of_suites(folder):
-    """-> {name: was it skipped}. (Of a suite that crashed there is nothing; it has failed.)"""
+    """Returns {name: whether it was skipped}. A suite that crashed has no entries; it counts as failed."""
     out = {}
     for path in sorted(pathlib.Path(folder).glob("*.xml")):
         for case in xml.parse(path).getroot().iter("testcase"):

@@ -1,7 +1,10 @@
 #!/bin/sh
-# Set-up, build and the tests: all but those labelled slow, or all of them with --all; with --asan, built with the address and
-# undefined-behaviour sanitizers; with --strict, as continuous integration runs them: a warning is an error, and a test that is left out for want of what it needs, or
-# skipped and not named in tests/may-skip.txt, counts as failed. What follows goes to ctest:
+# Sets up, builds and runs the tests: all except those labelled slow.
+#   --all     runs the slow tests, too
+#   --asan    builds with the address and undefined-behaviour sanitizers
+#   --strict  as in continuous integration: warnings are errors, and so are tests that were left out because something is missing, or skipped,
+#             unless tests/may-skip.txt names them
+# Further arguments go to ctest:
 #   tests/run.sh -R gemm
 set -eu
 cd "$(dirname "$0")/.."
@@ -25,7 +28,7 @@ cmake --preset $preset -DVSPLAT_TESTS=ON -DVSPLAT_REQUIRE_ALL_TESTS=$strict $qui
 cmake --build --preset $preset
 results=$PWD/build/$preset/tests.xml cases=$PWD/build/$preset/test_cases
 rm -rf "$cases"
-# Half as many again as there are processors: some wait, for a file, a process or a lock of the compiler's.
+# One and a half times as many tests at once as there are processors, since some wait for a file, a process or a compiler's lock.
 code=0
 ctest --test-dir build/$preset --output-on-failure --no-tests=error --output-junit "$results" -LE "$label_exclude" -j $((($(nproc) * 3 + 1) / 2)) "$@" ||
   code=$?

@@ -1,7 +1,7 @@
 """Fits Gaussians to a picture with PyTorch's optimiser and vsplat's drawing:  fit_torch.py [STEPS [PICTURE.npy]]
 
-`Draw` is the whole of what PyTorch needs: a torch.autograd.Function about Device.render. It runs on any OpenCL device; PyTorch's own tensors
-stay on the host."""
+`Draw` is all that PyTorch needs: a torch.autograd.Function around Device.render. It runs on any OpenCL device; PyTorch's own tensors stay on
+the host."""
 import sys
 
 import numpy as np
@@ -31,12 +31,12 @@ class Draw(torch.autograd.Function):
 
 
 def draw(device, camera, means, scales, rotations, opacities, sh, background=(1, 1, 1)):
-    """The three pictures, as Draw gives them."""
+    """Returns the three pictures of Draw."""
     return Draw.apply(device, camera, background, means, scales, rotations, opacities, sh)
 
 
 def two_discs(size):
-    """A picture to fit to: a red disc and a blue one before white, float32 [size, size, 3]."""
+    """Returns a picture to fit: a red disc and a blue one on white, float32 [size, size, 3]."""
     y, x = np.mgrid[:size, :size] / size
     out = np.ones((size, size, 3), np.float32)
     out[(x - 0.35) ** 2 + (y - 0.4) ** 2 < 0.04] = 0.9, 0.2, 0.1

@@ -1,7 +1,7 @@
-# cmake -DPROGRAM=... -DOUTPUT=FILE -DCASES=DIR -DPROPERTIES=... -DSLOW_PROPERTIES=... -P add_suites.cmake: what ctest includes, one test
-# for each suite that PROGRAM lists. Suites instantiated as "Slow..." have the slow properties.
+# cmake -DPROGRAM=... -DOUTPUT=FILE -DCASES=DIR -DPROPERTIES=... -DSLOW_PROPERTIES=... -P add_suites.cmake: writes the file that ctest
+# includes, with a test for each suite that PROGRAM lists. Suites instantiated as "Slow..." get the slow properties.
 execute_process(COMMAND ${PROGRAM} --gtest_list_tests OUTPUT_VARIABLE listed COMMAND_ERROR_IS_FATAL ANY TIMEOUT 60)
-# (A parameter's value may hold what CMake takes for a list.)
+# (A parameter's value may contain characters that CMake takes for a list.)
 string(REGEX REPLACE "[][;]" "" listed "${listed}")
 string(REPLACE "\n" ";" listed "${listed}")
 get_filename_component(name ${PROGRAM} NAME)

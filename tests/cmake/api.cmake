@@ -1,4 +1,4 @@
-# The public header, as C programs use it.
+# The public header as C programs use it.
 foreach(name c99_test cancel_test edit_test gradient_test jobs_test lifetimes_test memory_test opencl_bytes_test opencl_test
     pictures_test refine_api_test share_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
@@ -12,8 +12,8 @@ target_link_libraries(cpp_test PRIVATE vsplat)
 vsplat_target(cpp_test)
 add_test(NAME cpp_test COMMAND cpp_test)
 set_tests_properties(cpp_test PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
-# A network's training and its stopping, at a size whose launches are long: a minute of two processors.
-# Slow: it holds times, of which a training's has the disk's in it.
+# Training a network and stopping it, at a size with long launches: a minute on two processors.
+# Slow, because it checks times, which for a training include those of the disk.
 set_tests_properties(cancel_test PROPERTIES LABELS "unit;slow" TIMEOUT 600 COST 200 PROCESSORS 2)
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
@@ -25,7 +25,7 @@ endforeach()
 target_link_libraries(opencl_bytes_test PRIVATE OpenCL::OpenCL)
 target_link_libraries(opencl_test PRIVATE OpenCL::OpenCL)
 
-# Slow: 500 times, of which each opens a device.
+# Slow: 500 cycles, each of which opens a device.
 add_executable(cycles_test model/api/cycles_test.c)
 target_link_libraries(cycles_test PRIVATE vsplat)
 target_compile_definitions(cycles_test PRIVATE _POSIX_C_SOURCE=200809L)
@@ -33,7 +33,7 @@ vsplat_target(cycles_test)
 add_test(NAME cycles_test COMMAND cycles_test)
 set_tests_properties(cycles_test PROPERTIES LABELS "unit;slow" TIMEOUT 1800 ENVIRONMENT "${sanitizer_environment}")
 
-# Slow: a thousand frames of a million Gaussians. Runs alone, because their time is compared with the kernels'.
+# Slow: a thousand frames of a million Gaussians. Runs alone, because it compares their time with the kernels'.
 add_executable(frames_test model/api/frames_test.c)
 target_link_libraries(frames_test PRIVATE vsplat OpenCL::OpenCL)
 target_compile_definitions(frames_test PRIVATE _POSIX_C_SOURCE=200809L)
@@ -44,12 +44,12 @@ add_test(NAME frames_test COMMAND frames_test ${CMAKE_CURRENT_BINARY_DIR}/frames
 set_tests_properties(frames_test PROPERTIES LABELS "unit;slow" TIMEOUT 1800 FIXTURES_REQUIRED frames RUN_SERIAL ON
   ENVIRONMENT "${sanitizer_environment}")
 
-# The example that fits Gaussians to a picture: it fails where its loss does not come down to a hundredth.
+# The example that fits Gaussians to a picture must reduce its loss to a hundredth.
 add_test(NAME fit_example COMMAND fit_example ${CMAKE_CURRENT_BINARY_DIR}/fit_before.png ${CMAKE_CURRENT_BINARY_DIR}/fit_after.png)
 set_tests_properties(fit_example PROPERTIES LABELS unit TIMEOUT 300 ENVIRONMENT "${sanitizer_environment}")
 
-# The model that the library carries: a C program and the command, each with a library that carries one of random weights and with one
-# that carries none. They are the library's own objects, linked once more.
+# The built-in model: a C program and the command, each with a library that contains a model with random weights, and with one that contains
+# none. These libraries are the library's own objects, linked again.
 set(variants ${CMAKE_CURRENT_BINARY_DIR}/variants)
 set(micro ${variants}/micro.safetensors)
 add_custom_command(OUTPUT ${micro} COMMAND vsplat_cli init micro --seed 3 --output ${micro} --overwrite --quiet DEPENDS vsplat_cli

@@ -1,6 +1,6 @@
-# The command line, from outside. COST: what takes long is begun first, so that a processor does not wait at the end.
+# Tests of the command line. COST: long tests begin first, so that no processor is idle at the end.
 find_package(Python3 COMPONENTS Interpreter REQUIRED)
-# Python ends well where it skips a test; its last line tells.
+# Python exits with 0 even if it skips a test; the last line of its output shows that.
 set(python_skipped "OK \\(skipped=")
 foreach(part accidents bench cameras check convert dataset doctor driver_state evaluate far flags full_disk genden help import kernels lara pictures precision profile reader refine refusal report run selftest share strangers tables train train_learns train_report tune usage views)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py)
@@ -8,14 +8,14 @@ foreach(part accidents bench cameras check convert dataset doctor driver_state e
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
-# The tests marked as slow in these files, which the tests above omit.
+# The tests marked as slow in these files, which the tests above skip.
 foreach(part import reader selftest share train train_learns tune)
   add_test(NAME cli_${part}_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py --slow)
   set_tests_properties(cli_${part}_slow PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
-# Several processes: with the module for MPI what they do together, without it that each is refused.
+# Several processes: with the MPI module their results, without it that each process is refused.
 if(TARGET vsplat_mpi)
   set(ranks_part Ranks)
   set(ranks_module "$<TARGET_FILE:vsplat_mpi>")
@@ -38,10 +38,10 @@ if(TARGET vsplat_mpi)
   set_tests_properties(cli_ranks_slow PROPERTIES LABELS "cli;slow")
 endif()
 
-# A window, on a screen of the test's own.
+# A window on a screen of the test's own.
 if(TARGET window_example)
   set(window_environment "${sanitizer_environment}")
-  if(VSPLAT_SANITIZE)  # SDL has unloaded its drivers of a screen when leaks are looked for: whose they are is not known any more
+  if(VSPLAT_SANITIZE)  # SDL has unloaded its display drivers when leaks are searched, so their leaks cannot be attributed
     set(window_environment "ASAN_OPTIONS=intercept_tls_get_addr=0:detect_leaks=0")
   endif()
   add_test(NAME window_example COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/window_test.py)
@@ -52,7 +52,7 @@ else()
 endif()
 
 
-# The documents: where their links lead, README's size, and that the options which they name exist.
+# The documents: targets of their links, README's size, and the existence of the options that they name.
 add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/links_test.py)
 set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
@@ -65,7 +65,7 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME python_dlpack COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/dlpack_test.py)
   set_tests_properties(python_dlpack PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
-  # Every function of the public headers, with what a caller may get wrong.
+  # Calls every function of the public headers with mistakes that a caller may make.
   add_test(NAME functions COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions PROPERTIES LABELS unit TIMEOUT 300 COST 100
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
@@ -73,7 +73,7 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME functions_whole COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions_whole PROPERTIES LABELS "unit;slow" TIMEOUT 1500
     ENVIRONMENT "VSPLAT_FUNCTIONS=whole;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
-  # What programs that were linked before rely on.
+  # The binary interface, which programs linked with an earlier version rely on.
   add_test(NAME abi COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/abi_test.py)
   set_tests_properties(abi PROPERTIES LABELS unit TIMEOUT 60
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
@@ -88,17 +88,17 @@ set_tests_properties(cli_weights_scripts PROPERTIES LABELS cli TIMEOUT ${test_se
 add_test(NAME pairs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/pairs_test.py)
 set_tests_properties(pairs PROPERTIES LABELS unit TIMEOUT 60 ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
 
-# Plain words, and what each folder may include.
+# Plain words, and allowed includes.
 add_test(NAME words COMMAND Python3::Interpreter ${PROJECT_SOURCE_DIR}/.ci/check-words)
 add_test(NAME layers COMMAND Python3::Interpreter ${PROJECT_SOURCE_DIR}/.ci/check-layers)
 set_tests_properties(words layers PROPERTIES LABELS unit TIMEOUT 60)
 
-# The numbers of an evaluation, by the PyTorch specification where PyTorch is there.
+# Checks the numbers of an evaluation with the PyTorch specification, if PyTorch is installed.
 add_test(NAME evaluate_numbers COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh check_evaluate.py)
 set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 COST 200 SKIP_RETURN_CODE 77
   ENVIRONMENT "OMP_NUM_THREADS=1;VSPLAT=$<TARGET_FILE:vsplat_cli>;${sanitizer_environment}")
 
-# Files that are made to break their reader. Quick: one seed, and of its files some; slow: all of three seeds. And what is opened meanwhile.
+# Files made to break their reader, and which files are opened. Quick: some of one seed's files; slow: all files of three seeds.
 foreach(part hostile hostile_seeds hostile_traced)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/hostile_test.py
     $<IF:$<STREQUAL:${part},hostile_traced>,Traced,Hostile>)
@@ -112,7 +112,7 @@ set_tests_properties(cli_hostile_traced PROPERTIES LABELS "cli;slow" TIMEOUT 180
 add_test(NAME cli_model COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/model_test.py)
 set_tests_properties(cli_model PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MICRO=${micro};VSPLAT_WITH_MODEL=${variants}/micro;VSPLAT_WITHOUT_MODEL=${variants}/none;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
-# Checkpoints that are damaged or meant to break their reader. Quick (cli_import): some of those made of each sound one; slow: all 300.
+# Damaged and malicious checkpoints. Quick (cli_import): some for each sound checkpoint; slow: all 300.
 add_test(NAME cli_import_mutations
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/import_test.py Hostile HostileLara HostileGenden HostileDinov3)
 set_tests_properties(cli_import_mutations PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} SKIP_REGULAR_EXPRESSION "${python_skipped}"
@@ -126,14 +126,14 @@ add_test(NAME cli_train_kills
 set_tests_properties(cli_train_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds}
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_KILLS=20;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
-# A training on another machine. Quick: the script with a program in place of vsplat; slow: with it, twice, and what is packed for that machine,
-# which is of a build without sanitizers.
+# Training on another machine. Quick: the script with a stand-in for vsplat. Slow: twice with the real one, and the bundle for that machine,
+# which needs a build without sanitizers.
 add_test(NAME cli_gpu_script COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_script_test.py StandIn)
 add_test(NAME cli_gpu_script_trains COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_script_test.py GpuScript)
 set_tests_properties(cli_gpu_script cli_gpu_script_trains PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_BUNDLE=$<IF:$<BOOL:${VSPLAT_SANITIZE}>,,${PROJECT_BINARY_DIR}>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 set_tests_properties(cli_gpu_script_trains PROPERTIES LABELS "cli;slow" TIMEOUT 1800)
-# The same of what a GPU is asked first.
+# The same for the first hour on a GPU.
 add_test(NAME cli_gpu_first_hour COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_first_hour_test.py StandIn)
 add_test(NAME cli_gpu_first_hour_runs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_first_hour_test.py FirstHour)
 set_tests_properties(cli_gpu_first_hour cli_gpu_first_hour_runs PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100

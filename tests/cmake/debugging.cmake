@@ -1,6 +1,6 @@
-# The operations once more with what debugging looks at after each launch (runtime/launch_checks.h), both aids at once.
-# With red zones alone, by name: what feeds NaN on purpose, to see where it goes, or inputs that were never written, to
-# see its memory alone. Left out: what counts bytes of memory that red zones add to.
+# The operations again with both debugging checks after each launch (runtime/launch_checks.h). Tests that feed NaN on purpose, or measure
+# the memory of inputs that were never written, are listed by name and run with red zones only. Tests that count bytes of memory, which red
+# zones add to, are left out.
 set(feeds_nan
   *.NonFiniteInputStaysInItsView/*
   *Adamw.NormShowsWhatIsNotFinite/*

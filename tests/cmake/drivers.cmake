@@ -1,15 +1,15 @@
-# The whole networks once more on the other OpenCL implementations, where they are installed: micro and tiny on rusticl's llvmpipe, and
-# micro under the Oclgrind interpreter, which fails on an access out of bounds or a data race. And drawing, on small scenes.
+# The whole networks again on other OpenCL implementations, if installed: micro and tiny on rusticl's llvmpipe, and micro under the Oclgrind
+# interpreter, which fails on an access out of bounds or a data race. Also drawing, on small scenes.
 
-# A filter that chooses no test (since a test has another name now) is a failure. Skipped is what ends with the list of skipped tests:
-# after failures, a list of those follows.
+# A filter that selects no test (for instance because a test was renamed) is a failure. A run counts as skipped if its output ends with the
+# list of skipped tests: after failures it ends with a list of those.
 set(nothing_ran "Running 0 tests")
 set(some_skipped "SKIPPED \\] [0-9]+ tests?, listed below:\n(\\[  SKIPPED \\] [^\n]*\n?)*$")
 if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   set(on_rusticl "RUSTICL_ENABLE=llvmpipe;VSPLAT_DEVICE=llvmpipe")
   if(VSPLAT_SANITIZE)
-    # llvmpipe registers its kernels' frames, and whoever looks for a frame first sorts them: with a lock, in memory that the sanitizer would
-    # ask whole call stacks for, which looks for frames. So it must not ask for these, and leaks are not looked for.
+    # llvmpipe registers its kernels' stack frames, and the first search for a frame sorts them under a lock, in memory for which the sanitizer
+    # would record a full call stack, which searches for frames again. So the sanitizer must not record full stacks, nor search for leaks.
     list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:intercept_tls_get_addr=0:detect_leaks=0")
   endif()
   add_test(NAME rusticl.network
@@ -25,7 +25,7 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   set_tests_properties(rusticl.lara rusticl.lara_tiny rusticl.genden rusticl.genden_tiny rusticl.surface_loss PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200
     FIXTURES_REQUIRED golden_tiny FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
-  # Minutes: of both networks that densify.
+  # These two take minutes.
   set_tests_properties(rusticl.genden_tiny rusticl.lara_tiny PROPERTIES LABELS "model;drivers;slow" TIMEOUT 1800)
   add_test(NAME rusticl.profile COMMAND runtime_tests --gtest_filter=*ProfilesTimesThatCanBe)
   add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*:CommittedSurfels/RenderGolden.*)
@@ -61,19 +61,19 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
         COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:${system}_tests> --gtest_filter=*Vectors.${what}Matches/cpu_${system}_micro)
     endforeach()
   endforeach()
-  # It reports and goes on by default; nothing that it reports is to be accepted.
+  # By default oclgrind reports errors and continues; here every report is a failure.
   set_tests_properties(oclgrind.lara.EveryStage oclgrind.lara.EveryGradient oclgrind.genden.EveryStage oclgrind.genden.EveryGradient oclgrind.extensions oclgrind.predictor oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.more_scenes oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
-  # Half a minute to two: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
+  # Takes half a minute to two: all items of a work-group are interpreted, and so small a network fills little of its tiles.
   set_tests_properties(oclgrind.predictor oclgrind.gradient oclgrind.more_scenes oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryStage
     oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
 elseif(NOT OCLGRIND)
   vsplat_left_out("No oclgrind (Debian: oclgrind): its tests are left out")
 endif()
 
-# What the compilers of GPU drivers make of the kernels: nothing spills, and no row of the table gets worse. Quick: of kernels that have
-# changed since the table was written; slow: of all, three minutes of a processor. A sanitizer's build has the same kernels.
+# Compiles the kernels with GPU drivers' compilers: nothing may spill, and no row of the table may get worse. Quick: kernels that have
+# changed since the table was written; slow: all, three minutes on one processor. A build with sanitizers has the same kernels.
 find_program(CLANG_15 clang-15)
 if(NOT CLANG_15 OR NOT EXISTS /usr/lib/clc/nvptx64--.bc)
   vsplat_left_out("No clang-15 or libclc-15 (Debian 12 has them), by which the table of GPU compilers was made: gpu_static* are left out")

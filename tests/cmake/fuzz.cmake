@@ -1,5 +1,5 @@
-# Damaged and hostile files: the seeds of the fuzzers and what they once found, in every build; the fuzzers themselves, with any seed for
-# a minute each, are slow: they are there to find what is new, and are built by another compiler.
+# Damaged and malicious files: every build reads the fuzzers' seeds and the inputs that they have found. The fuzzers themselves are slow
+# tests, a minute each with any seed; they are built by another compiler.
 vsplat_tests(fuzz_replay_test
   fuzz/kernel_cache.cpp
   fuzz/picture.cpp
@@ -21,7 +21,7 @@ if(VSPLAT_CLANGXX)
     OUTPUT_VARIABLE fuzzer_runtime OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
 endif()
 if(VSPLAT_SANITIZE)
-  # One build of the fuzzers, which has sanitizers of its own, is enough.
+  # One build of the fuzzers is enough, since it has its own sanitizers.
 elseif(EXISTS "${fuzzer_runtime}")
   set(fuzz ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/run.sh)
   add_test(NAME fuzz.build COMMAND ${fuzz} build)

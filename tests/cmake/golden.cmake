@@ -1,28 +1,28 @@
-# Golden vectors: those of micro are committed, the larger ones are made by PyTorch, where it is there. Where it is not, this
-# test and the cases that need them are reported as skipped.
+# Golden vectors: those of micro are committed; PyTorch makes the larger ones if it is installed. Otherwise this test and the cases that
+# need them are reported as skipped.
 set(golden_dir ${PROJECT_BINARY_DIR}/golden)
 add_library(vsplat_golden STATIC support/golden.cpp support/splat_golden.cpp)
 target_link_libraries(vsplat_golden PUBLIC vsplat_model)
-# (A target's definition would be part of what is precompiled.)
+# (A definition on the target would become part of the precompiled headers.)
 set_source_files_properties(support/golden.cpp support/splat_golden.cpp PROPERTIES
   COMPILE_DEFINITIONS "VSPLAT_SOURCE_DIR=\"${PROJECT_SOURCE_DIR}\";VSPLAT_GOLDEN_DIR=\"${golden_dir}\"")
 vsplat_target(vsplat_golden)
 target_link_libraries(vsplat_golden PUBLIC GTest::gtest)
 vsplat_optimize(vsplat_golden -O0)
-# What is precompiled goes by the optimisation: for tests whose references compute it is another library's, which has nothing else.
+# Precompiled headers depend on the optimisation: those for tests whose references compute belong to a separate library.
 add_library(tests_that_compute OBJECT support/precompiled.cpp)
 target_link_libraries(tests_that_compute PRIVATE vsplat_model GTest::gtest)
 vsplat_target(tests_that_compute)
 vsplat_optimize(tests_that_compute -O1)
 foreach(holder vsplat_golden tests_that_compute)
-  # As the programs that take it.
+  # With the same options as the programs that use it.
   set_target_properties(${holder} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
   target_compile_options(${holder} PRIVATE -fPIE)
   vsplat_precompile(${holder}
     <gtest/gtest.h> <fmt/format.h> <algorithm> <array> <cmath> <filesystem> <fstream> <functional> <map> <memory> <optional>
       <random> <set> <string> <vector> <Eigen/Core> <Eigen/Geometry>)
 endforeach()
-# (What others wait for is begun first.)
+# (Tests that others wait for begin first.)
 add_test(NAME golden_tiny COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} tiny)
 set_tests_properties(golden_tiny PROPERTIES FIXTURES_SETUP golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_tiny_slow COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} tiny_slow)

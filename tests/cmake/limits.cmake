@@ -1,6 +1,6 @@
-# What smaller devices claim (VSPLAT_LIMITS), tried on this one: operations in the variants of their kernels that such a device gets, against
-# their references. In parts, and with few groups a side, every operation: each kernel must know its place. Whole jobs: cli_limits.
-# Quick are those that go other ways from one another; slow: the rest.
+# VSPLAT_LIMITS lets this device stand in for smaller ones: runs operations in the kernel variants that such devices get, against their
+# references. With launches split into parts, and with few groups per dimension, it runs every operation, since each kernel must know its
+# place. cli_limits runs whole jobs. The quick tests cover the limits that lead to different variants; the slow tests the others.
 set(ops_with_variants *Attention*:*Conv3d*:*LayerNorm*:*RadixSort*:*Rasterize*:*TileBin*:*Transpose*:*Scan*:*Confidence*:*TopK*)
 set(runtime_with_variants *Gemm*:*ColumnSum*:*ComposeRows*:*Variants*)
 function(vsplat_limits_test name program limits filter)

@@ -1,6 +1,6 @@
-# vsplat_suites(PROGRAM PROPERTIES ... SLOW_PROPERTIES ...): a ctest test for each suite of a test program, since a process for each case
-# takes twice as long in all. One case: `PROGRAM --gtest_filter=SUITE.CASE`. Which cases were skipped is in what they write to test_cases/
-# (check_skipped.py).
+# vsplat_suites(PROGRAM PROPERTIES ... SLOW_PROPERTIES ...): makes a ctest test for each suite of a test program; a process for each case
+# would take twice as long. To run one case: `PROGRAM --gtest_filter=SUITE.CASE`. The programs write which cases were skipped to
+# test_cases/ (check_skipped.py).
 set(test_cases_dir ${PROJECT_BINARY_DIR}/test_cases)
 function(vsplat_suites program)
   cmake_parse_arguments(S "" "" "PROPERTIES;SLOW_PROPERTIES" ${ARGN})

@@ -1,10 +1,10 @@
 #!/bin/sh
 # Coverage-guided fuzzing of the readers: builds the targets (build/fuzz) and runs them, so many seconds each.
-#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: the folders of corpus/, all of them where none is named
+#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: the folders of corpus/; default: all
 #   tests/fuzz/run.sh build                    only builds
 #   tests/fuzz/run.sh run SECONDS [TARGET...]  only runs
-# VSPLAT_FUZZ_SEED fixes the seed, VSPLAT_FUZZ_RUNS how many inputs are tried at most. An input that breaks something is kept in
-# build/fuzz/found: with the fix it goes into tests/fuzz/regressions/TARGET, which the test `fuzz_replay_test` reads in every build.
+# VSPLAT_FUZZ_SEED sets the seed, VSPLAT_FUZZ_RUNS the maximum number of inputs. An input that breaks something is stored in
+# build/fuzz/found. With the fix it goes into tests/fuzz/regressions/TARGET, which the test `fuzz_replay_test` reads in every build.
 set -eu
 cd "$(dirname "$0")/../.."
 
@@ -32,7 +32,7 @@ for target; do
   esac
   seeds=$data/corpus/$target
   [ ! -d $data/regressions/"$target" ] || seeds="$seeds $data/regressions/$target"
-  # Memory: far above what these inputs need and far below what a believed count would take.
+  # The memory limit is far above what these inputs need, and far below what trusting a wrong count would take.
   # shellcheck disable=SC2086  # lists of words
   build/fuzz/tests/fuzz/fuzz_"$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256 \
     -max_len=65536 -seed="${VSPLAT_FUZZ_SEED:-0}" -runs="${VSPLAT_FUZZ_RUNS:--1}" -dict=$data/$words.dict \

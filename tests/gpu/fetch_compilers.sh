@@ -1,9 +1,9 @@
 #!/bin/sh
-# Puts the compilers of AMD's and Intel's drivers that static_check.py wants, and that this system lacks, into a folder, installing nothing:
-# Debian's packages unpacked. Intel's compiler must not be installed where tests run: its package is an OpenCL driver, too, which lists
-# itself among the devices, and whose way of loading ends every program that is built with sanitizers.
+# Unpacks Debian's packages of the AMD and Intel driver compilers that static_check.py needs and this system lacks into a folder, without
+# installing them. Intel's compiler must not be installed where tests run: its package is also an OpenCL driver, which appears among the
+# devices, and loading it ends every program that is built with sanitizers.
 #   tests/gpu/fetch_compilers.sh DIR
-# Does nothing where all is there; 77 where they cannot be had.
+# Does nothing if all compilers are there; exits with 77 if they are not available.
 set -eu
 [ $# -eq 1 ] || { echo "usage: $0 DIR" >&2; exit 2; }
 folder=$1
@@ -20,7 +20,7 @@ works() {
 if works; then exit 0; fi
 command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || { echo "$0: Debian's apt-get and dpkg-deb are needed" >&2; exit 77; }
 
-# What is unpacked: the compilers, and what they need that is not installed.
+# The packages to unpack: the compilers, and their dependencies that are not installed.
 wanted="rocm-device-libs libigc-tools intel-opencl-icd"
 needed=$(apt-cache depends --recurse --no-recommends --no-suggests --no-conflicts --no-breaks --no-replaces --no-enhances intel-opencl-icd |
   sed -n 's/^\([a-z0-9][a-z0-9.+-]*\)$/\1/p' | sort -u)

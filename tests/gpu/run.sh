@@ -1,10 +1,10 @@
 #!/bin/sh
-# Holds the kernels of the gpu flavour against bench/results/gpu-compilers.txt by the compilers of GPU drivers (static_check.py): of all that
-# jobs launch with the model inside and with small models of the other networks, and of the variants for smaller devices. What was compiled
-# once is kept by its text.
+# Compares the kernels of the gpu flavour, as the compilers of GPU drivers compile them (static_check.py), with
+# bench/results/gpu-compilers.txt: all kernels that jobs launch with the built-in model and with small models of the other networks, and the
+# variants for smaller devices. Compiled kernels are cached by their text.
 #   tests/gpu/run.sh VSPLAT WORK [OPTIONS of static_check.py]
 #   tests/gpu/run.sh VSPLAT WORK --table bench/results/gpu-compilers.txt      writes the table again
-# 77 where the compilers cannot be had.
+# Exits with 77 if the compilers are not available.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 vsplat=$1 work=$2
@@ -15,7 +15,7 @@ dump() { "$vsplat" kernels --no-build --overwrite --quiet --dump "$work/$1" ${2:
 rm -rf "$work/own"
 dump own
 set -- "$work/own" "$@"
-# The products of mixed precision, emulated: those of a vendor's matrix units are in every dump, for its compiler alone.
+# The emulated products of mixed precision; those for a vendor's matrix units are in every dump, only for that vendor's compiler.
 VSPLAT_MATRIX=emulated "$vsplat" kernels --no-build --overwrite --quiet --dump "$work/mixed" --precision mixed --for reconstruct >/dev/null
 python3 -c 'import json, sys
 rows = [row for row in json.load(open(sys.argv[1])) if row["name"].startswith("gemm_matrix")]

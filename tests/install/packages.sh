@@ -1,9 +1,9 @@
 #!/bin/sh
-# Makes the Debian packages of a build and tries them in a bare Debian 12 that debootstrap makes: they install with what they depend on, the
-# command works on an example, programs are built on the library and run, and removed they leave nothing behind.
+# Makes the Debian packages of a build and tests them in a bare Debian 12 made by debootstrap: they install with their dependencies, the
+# command works on an example, programs can be built and run with the library, and removing the packages leaves nothing behind.
 #   tests/install/packages.sh BUILD_DIR
-# Downloads some 300 MiB. Ends with 77 where there is no debootstrap, no right to mount and chroot, or no way to the packages of Debian.
-# $VSPLAT_DEBIAN_MIRROR says where these are, if not at deb.debian.org.
+# Downloads some 300 MiB. Exits with 77 without debootstrap, without permission to mount and chroot, or if Debian's packages cannot be
+# reached. $VSPLAT_DEBIAN_MIRROR replaces deb.debian.org.
 set -eu
 build=$(cd "$1" && pwd)
 here=$(cd "$(dirname "$0")" && pwd)
@@ -19,7 +19,7 @@ fail() {
 if grep -q '^VSPLAT_SANITIZE:BOOL=ON' "$build/CMakeCache.txt"; then skip "a build with sanitizers is not packed"; fi
 [ "$(id -u)" = 0 ] || skip "only root may chroot"
 command -v debootstrap >/dev/null || skip "there is no debootstrap"
-# In a name space of its own what is mounted goes when this ends, however it does.
+# In a namespace of its own, so that mounts disappear when this ends, whatever ends it.
 if [ "${VSPLAT_MOUNTS_ALONE-}" != yes ]; then
   unshare --mount true 2>/dev/null || skip "nothing can be mounted here"
   VSPLAT_MOUNTS_ALONE=yes exec unshare --mount --propagation private "$0" "$build"
@@ -63,7 +63,7 @@ mount -t proc proc "$root/proc"
 mount -t sysfs -o ro sysfs "$root/sys"
 mount --bind /dev "$root/dev"
 cp /etc/resolv.conf "$root/etc/resolv.conf" 2>/dev/null || true
-printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d"  # no service is to start
+printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d"  # no service may start
 chmod 755 "$root/usr/sbin/policy-rc.d"
 mkdir "$root/try"
 cp "$work"/packages/*.deb "$root/try/"

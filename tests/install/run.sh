@@ -8,7 +8,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 cmake --install "$build" --prefix "$work/first" >/dev/null
-mv "$work/first" "$work/moved"  # the package may not depend on where it was installed
+mv "$work/first" "$work/moved"  # the package must not depend on the folder that it was installed to
 cp -r "$here" "$work/project"
 static=OFF
 if [ -n "$(find "$work/moved" -name libvsplat.a)" ]; then static=ON; fi
@@ -26,10 +26,10 @@ fi
 for file in LICENSE CREDITS.md examples/fit.c examples/garden_gnome/transforms.json; do
   [ -s "$work/moved/share/doc/vsplat/$file" ] || { echo "share/doc/vsplat/$file is not installed" >&2; exit 1; }
 done
-# Meshes are read by a program beside the library.
+# A program beside the library reads meshes.
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >"$work/mesh.obj"
 "$work/moved/bin/vsplat" dataset render "$work/mesh.obj" --output "$work/set" --views 1 --size 16 --quiet
-# The model, where there is one, is inside.
+# The built-in model, if there is one.
 if [ -f "$here/../../model/weights/model.safetensors" ]; then "$work/moved/bin/vsplat" weights verify; fi
 
 library=$(dirname "$(find "$work/moved" -name vsplat.pc)")
