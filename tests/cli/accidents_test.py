@@ -1,5 +1,5 @@
-"""What a shell does to a command besides running it: two at once, signals, limits, outputs that are inputs. Nothing is lost, nothing
-that the command did not make is touched."""
+"""Hazards of a shell: two commands at once, signals, limits, outputs that are also inputs. Nothing is lost, and no file that the command did
+not create is touched."""
 import json
 import os
 import random
@@ -36,7 +36,7 @@ class Outputs(train_support.Case):
         self.put("run", "log.csv")
         self.succeeds(*self.train(other, "run", "--overwrite"))
         self.assertEqual(len(self.log("run")), 6)
-        # What a run has left is its own, its configuration among it; other files in its folder stay.
+        # What a run has left belongs to it, including its configuration; other files in its folder stay.
         self.put("run", "notes.txt")
         self.succeeds(*self.train(self.path("run", "config.json"), "run", "--resume"))
         self.assertEqual(self.read("run", "notes.txt"), b"mine")
@@ -69,7 +69,7 @@ class Outputs(train_support.Case):
         return ("render", self.path("s.ply"), "--up", "0,1,0", "--size", "8x8", "--quiet")
 
     def test_what_cannot_be_written_is_refused_before_the_work(self):
-        """Links that lead nowhere, names that are too long, one folder by two names, a file that is to be a folder, too."""
+        """Dangling links, names that are too long, one folder under two names, and a file in place of a folder."""
         render = (*self.scene(), "--cameras", "orbit:2")
         os.symlink("gone.png", self.path("dead.png"))
         os.symlink("nowhere", self.path("dead"))
@@ -88,7 +88,7 @@ class Outputs(train_support.Case):
         self.refuses(2, ["written twice"], *render, *out("--images", "real"), "--sheet", os.path.join(self.folder, "other", "..", "real", "0000.png"))
         self.refuses(2, ["a file and the folder of"], *render, *out("--sheet", "s.png"), *out("--images", "s.png"))
         self.refuses(2, ["a file and the folder of"], *render, *out("--images", "t.png", "in"), *out("--sheet", "t.png"))
-        # The longest names that a folder takes are good ones; a dead link is replaced where that is asked for.
+        # The longest names that a folder allows are valid; a dangling link is replaced on request.
         for length in (240, 246, 250, 255):
             name = "x" * (length - 4) + ".png"
             self.succeeds(*render, *out("--sheet", name))
@@ -122,7 +122,7 @@ class Outputs(train_support.Case):
 
 
 class Sets(support.Case):
-    """`dataset` into one folder."""
+    """Several `dataset` commands write into one folder."""
     def setUp(self):
         self.folder = support.tempfile.mkdtemp(prefix="vsplat-cli-")
         self.addCleanup(shutil.rmtree, self.folder, True)
@@ -143,7 +143,7 @@ class Sets(support.Case):
         return {name[len(top):]: data for name, data in self.snapshot().items() if name.startswith(top + "/")}
 
     def begun(self, *more, **options):
-        """A process that is at its second picture."""
+        """A process that is drawing its second picture."""
         process = self.start(*self.solids(*more, views=400, size=64), **options)
         self.wait_for(self.path("set", ".solid_0000.unfinished", "images", "0001.png"), process)
         return process

@@ -1,4 +1,4 @@
-"""vsplat bench --compare: a verdict for each case, and an exit code where one is slower than was said to be allowed."""
+"""vsplat bench --compare: a verdict for each case, and an exit code if one is slower than allowed."""
 import json
 
 import support
@@ -25,14 +25,14 @@ class Bench(support.Case):
         self.assertIn("volume", [s["stage"] for s in stages])
         self.assertNotIn("references", report)
 
-        # A hundred times as fast before: slower beyond any noise.
+        # An earlier run that was a hundred times as fast: the case is now slower beyond any noise.
         was_fast, was_slow = self.changed("fast.json", report, 0.01), self.changed("slow.json", report, 1000)
         out, _ = self.succeeds(*self.RUN, "--compare", was_fast)
         self.assertRegex(out, r"model/tiny +.*slower\n")
         code, out, err = support.run(*self.RUN, "--compare", was_fast, "--fail-above", "50%")
         self.assertEqual(code, 1, err)
         self.assertRegex(err, r"slower by more than 50%: model/tiny \+")
-        self.assertIn("slower", out)  # the table is there, too
+        self.assertIn("slower", out)  # the table is printed, too
         out, _ = self.succeeds(*self.RUN, "--compare", was_slow, "--fail-above", "0%", "--json")
         compared = json.loads(out)["compared"]
         self.assertEqual([c["verdict"] for c in compared["cases"]], ["faster"])

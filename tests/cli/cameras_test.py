@@ -1,4 +1,4 @@
-"""Cameras of every kind that render takes: where a small red dot of a scene is drawn is where its camera says it is."""
+"""Every kind of camera that render accepts: a small red dot of a scene is drawn where its camera projects it."""
 import json
 import math
 import os
@@ -6,7 +6,7 @@ import os
 import support
 
 DOT = (0.21, -0.13, 0.34)
-# World to camera: turned about y, then moved; pixels that are not square, a principal point off the centre.
+# World to camera: rotated about y, then moved; pixels that are not square, a principal point off the centre.
 ANGLE, MOVE = 0.4, (0.1, -0.05, 2.2)
 W, H, FX, FY, CX, CY = 90, 70, 110.0, 80.0, 31.5, 48.25
 
@@ -49,11 +49,11 @@ class Cameras(support.Case):
         return self.path(name)
 
     def dot(self, cameras, size=(W, H), *more):
-        """Draws the first camera: the centre of what is not white, in pixels."""
+        """Draws with the first camera. Returns the centre of what is not white, in pixels."""
         self.succeeds("render", self.path("scene.ply"), "--cameras", cameras, "--images", self.path("out"), "--overwrite", *more)
         width, height, pixels = support.read_png(self.path("out", "0000.png"))
         self.assertEqual((width, height), size)
-        weight = [255 - pixels[3 * i + 1] for i in range(width * height)]     # red takes green away
+        weight = [255 - pixels[3 * i + 1] for i in range(width * height)]     # red reduces green
         self.assertGreater(sum(weight), 0)
         return (sum((i % width + 0.5) * v for i, v in enumerate(weight)) / sum(weight),
                 sum((i // width + 0.5) * v for i, v in enumerate(weight)) / sum(weight))
@@ -80,7 +80,7 @@ class Cameras(support.Case):
         u, v = projected()
         path = self.write("cameras.json", self.ours(cx=CX - u - 20, cy=CY + H))
         code, _, err = support.run("render", self.path("scene.ply"), "--cameras", path, "--images", self.path("empty"))
-        self.assertEqual(code, 0, err)                                          # the dot is outside: drawn, white
+        self.assertEqual(code, 0, err)                                          # the dot is outside the picture, which is white
         self.assertEqual(set(support.read_png(self.path("empty", "0000.png"))[2]), {255})
         path = self.write("cameras.json", self.ours(cx=-60, fx=600.0))
         self.check(path, projected(fx=600.0, cx=-60))
@@ -98,7 +98,7 @@ class Cameras(support.Case):
         self.check(self.write("t/transforms.json", {"fl_x": 1, "frames": [own]}), projected())
         angle = {"camera_angle_x": 2 * math.atan(W / (2 * FX)), "camera_angle_y": 2 * math.atan(H / (2 * FY)), "frames": [frame]}
         self.check(self.write("t/transforms.json", {"w": W, "h": H, **angle}), projected(cx=W / 2, cy=H / 2))
-        # Neither a size nor a picture to take it from: --size, else 512 x 512.
+        # Without a size and without a picture to take it from: --size, else 512 x 512.
         self.check(self.write("t/transforms.json", angle), projected(cx=W / 2, cy=H / 2), "--size", f"{W}x{H}")
         x, y = 512 / W, 512 / H
         self.check(self.path("t"), projected(FX * x, FY * y, 256, 256), size=(512, 512))
@@ -114,7 +114,7 @@ class Cameras(support.Case):
     def test_path(self):
         turned = [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 2], [0, 0, 0, 1]]
         keys = self.write("keys:of mine/cameras.json", self.ours() + self.ours(w2c=turned) + self.ours(w2c=turned, cx=0))
-        for name in (f"path:{keys}:4", f"path:{self.path('keys:of mine')}:1"):    # N is what follows the last colon
+        for name in (f"path:{keys}:4", f"path:{self.path('keys:of mine')}:1"):    # N follows the last colon
             self.check(name, projected())
         out, _ = self.succeeds("render", self.path("scene.ply"), "--cameras", f"path:{keys}:7", "--images", self.path("seven"), "--json")
         self.assertEqual(len(json.loads(out)["images"]), 7)

@@ -1,4 +1,4 @@
-"""vsplat weights check: whether a model's weights do what they should, told by the input views of an object that needs no file."""
+"""vsplat weights check: whether a model's weights work, judged by the input views of a built-in object."""
 import json
 import os
 import pathlib
@@ -11,7 +11,7 @@ SHIPPED = os.path.join(ROOT, "model", "weights", "model.safetensors")
 
 
 def reversed_values(path, to, name, size=2):
-    """The same model, but that a tensor's values are in the opposite order: as of weights that were read wrongly. Without its hash."""
+    """The same model with a tensor's values in reverse order, as if the weights were read wrongly, and without its hash."""
     data = pathlib.Path(path).read_bytes()
     begin = 8 + struct.unpack("<Q", data[:8])[0]
     header = json.loads(data[8:begin])
@@ -30,7 +30,7 @@ def on_white(path):
 
 class Check(support.Case):
     def check(self, *words):
-        """-> what is told as JSON; what is on stderr is the warning and nothing else."""
+        """Returns the JSON; stderr has the warning and nothing else."""
         out, err = self.succeeds("weights", "check", *words, "--json", "--quiet")
         told = json.loads(out)
         self.assertEqual(err, "" if told["warning"] is None else f"warning: {told['warning']}\n")
@@ -38,7 +38,7 @@ class Check(support.Case):
         return told
 
     def test_random_weights_are_found_in_every_system(self):
-        """The object is the same for all models of a size; a mean is one of views."""
+        """The object is the same for all models of a size; each mean is that of the views."""
         nearest = {}
         for system, size in (("vsplat", "small"), ("lara", "small"), ("vsplat", "tiny"), ("lara", "tiny"), ("genden", "tiny"), ("vsplat+genden", "small")):
             with self.subTest(system=system):
@@ -74,7 +74,7 @@ class Check(support.Case):
         self.assertIn("warning: the input views are drawn at ", err)
 
     def test_the_numbers_are_those_of_other_commands(self):
-        """The same object by `dataset procedural`, reconstructed and drawn from its input views' cameras."""
+        """The same object, made by `dataset procedural`, reconstructed and drawn from its input views' cameras."""
         told = self.check(SHIPPED)
         self.assertEqual(told["object"], "procedural 0")
         self.succeeds("dataset", "procedural", "--count", 1, "--seed", 20, "--views", 40, "--size", told["image"], "--output", self.path("set"))
@@ -86,7 +86,7 @@ class Check(support.Case):
         for view in told["views"]:
             self.assertAlmostEqual(view["psnr"], drawn[view["name"]], delta=1e-3)
         pixels = {name: on_white(os.path.join(folder, name)) for name in names}
-        for view in told["views"]:  # that of one of the others
+        for view in told["views"]:  # that of one of the other views
             others = [support.psnr(pixels[view["name"]], pixels[name]) for name in names if name != view["name"]]
             self.assertLess(min(abs(view["psnr_nearest"] - other) for other in others), 0.02)
 

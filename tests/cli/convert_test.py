@@ -1,4 +1,4 @@
-"""Scenes of surfels on the command line: drawn as they are, and made Gaussians for other programs."""
+"""Scenes of surfels on the command line: drawn directly, and converted for other programs."""
 import json
 import math
 import pathlib

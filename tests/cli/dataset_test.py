@@ -1,4 +1,4 @@
-"""vsplat dataset: sets of pictures from meshes and from random solids."""
+"""vsplat dataset: data sets from meshes and from random solids."""
 import json
 import os
 import unittest
@@ -91,7 +91,7 @@ class Dataset(support.Case):
         self.assertEqual((cup["width"], cup["height"], cup["center"], cup["scale"]), ([16, 16], [16, 16], [0, 0, 0], 1))
         for angle in cup["fov"]:
             self.assertAlmostEqual(angle, 49.1, 1)
-        self.assertTrue(2.1 <= cup["distance"][0] < cup["distance"][1] <= 2.5, cup["distance"])   # farther, so that it fits
+        self.assertTrue(2.1 <= cup["distance"][0] < cup["distance"][1] <= 2.5, cup["distance"])   # farther away, so that it fits
         self.assertTrue(0.02 < cup["alpha"] < 0.5, cup["alpha"])
         width, height, pixels = support.read_png(self.path("sheet.png"))
         self.assertEqual((width, height), (6 * 24 + 8, 24 + 12 + 8))  # 3 of 16 pixels for each object, 8 between them, names below

@@ -1,4 +1,4 @@
-"""vsplat doctor: what keeps devices away is named, with its mend, and what is whole beside it is still looked at."""
+"""vsplat doctor: names what keeps devices away, with a remedy, and still examines what is intact beside it."""
 import glob
 import json
 import os
@@ -16,7 +16,7 @@ USUAL = "/etc/OpenCL/vendors"
 
 
 def state_of(process):
-    """-> its state (X: there is none), its parent"""
+    """Returns the process's state (X: it does not exist) and its parent."""
     try:
         with open(f"/proc/{process}/stat") as f:
             return f.read().rsplit(")", 1)[1].split()[:2]
@@ -35,7 +35,7 @@ class Doctor(support.Case):
         os.mkdir(self.path("vendors"))
 
     def doctor(self, *more, **env):
-        """-> exit code, JSON, what is said as text (looked at in two runs, which agree)"""
+        """Returns exit code, JSON, and the text output; both come from separate runs, which agree."""
         env = {"OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": "", "VSPLAT_DEVICE": "", **env}
         code, out, err = support.run("doctor", "--json", *more, env=env)
         told = json.loads(out)
@@ -63,7 +63,7 @@ class Doctor(support.Case):
         return path
 
     def library(self, name, code, *flags):
-        """Compiled here. -> its path"""
+        """Compiles a library. Returns its path."""
         if not COMPILER:
             self.skipTest("no C compiler")
         path = self.path(name)
@@ -72,7 +72,7 @@ class Doctor(support.Case):
         return path
 
     def whole_entry(self):
-        """One of this system's drivers that gives a device. -> its devices"""
+        """Returns one of this system's drivers that has a device, and its devices."""
         for path in sorted(glob.glob(USUAL + "/*.icd")):
             with open(path) as f:
                 line = f.read()
@@ -122,7 +122,7 @@ class Doctor(support.Case):
         self.assertIn('"/opt/gone/libgone.so.1", which is not there', found["found"])
         self.assertIn(f"mv {entry} {entry}.off", found["mend"])
         self.assertEqual((code, told["devices"]), (1, devices), "the other driver is still looked at")
-        # Where a library of that name is somewhere else, the mend says where.
+        # If a library of that name exists elsewhere, the remedy says where.
         os.mkdir(self.path("elsewhere"))
         there = self.library("elsewhere/libgone.so.1", "int gone;")
         _, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("elsewhere"))
@@ -139,7 +139,7 @@ class Doctor(support.Case):
         self.assertIn('needs "libneeded.so.7": that is not there', found["found"])
         self.assertIn("libneeded.so.7", found["mend"])
         _, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("aside"))
-        found = self.finding(told, "no_driver", entry)                   # it can be loaded now, and is none
+        found = self.finding(told, "no_driver", entry)                   # it can be loaded now, but is no driver
         self.assertIn("it has no clGetExtensionFunctionAddress", found["found"])
 
     def test_a_library_that_cannot_be_loaded(self):
@@ -163,7 +163,7 @@ class Doctor(support.Case):
         whole = [d for d in told["drivers"] if d["entry"] == self.path("vendors", "whole.icd")]
         self.assertEqual([d["name"] for p in whole[0]["platforms"] for d in p["devices"]], [d["name"] for d in devices])
         self.assertIn("crash.icd", text)
-        os.rename(entry, entry + ".off")                                 # the mend
+        os.rename(entry, entry + ".off")                                 # the remedy
         self.assertEqual(self.doctor()[0], 0)
 
     def test_a_library_that_hangs_when_it_is_loaded(self):
@@ -181,10 +181,10 @@ class Doctor(support.Case):
         self.wait_until(lambda: state_of(child)[0] in "ZX")
 
     def test_what_starts_it_may_take_no_notice_of_its_children(self):
-        """Then nobody knows how a process that looks at a driver has ended: what it told counts."""
+        """Then the exit status of a process that examines a driver is lost; what it has reported counts."""
         devices = self.whole_entry()
         quits = self.entry("quits.icd", self.library("libquits.so", "#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) {\n  exit(4);\n}\n") + "\n")
-        before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)                    # which what is started keeps
+        before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)                    # inherited by the programs that it starts
         try:
             with open(self.path("told.json"), "w") as out:
                 doctor = subprocess.Popen([support.VSPLAT, "doctor", "--json", "--seconds", "30"], stdout=out, stderr=subprocess.DEVNULL, restore_signals=False,
@@ -221,11 +221,11 @@ class Doctor(support.Case):
         entry = self.path("vendors", "nvidia.icd")
         self.assertIn(f"write the line `{library}` into {entry} (`mkdir -p {self.path('vendors')} && echo {library} > {entry}`)", found["mend"])
         self.assertEqual((code, told["devices"]), (1, devices))
-        # A GPU's driver, and no GPU's file: what a container was not given.
+        # A GPU's driver without the GPU's device files, as in a container that was not given them.
         if not glob.glob("/dev/nvidia[0-9]*"):
             found = self.finding(told, "no_gpu_files", "/dev/nvidia0")
             self.assertIn("`--gpus all` and `-e NVIDIA_DRIVER_CAPABILITIES=compute,utility`", found["mend"])
-        # The mend is one: the entry is looked at (and is of no driver, here).
+        # The remedy works: the entry is examined (and names no driver here).
         command = re.search(r"`(mkdir [^`]*)`", self.finding(told, "library_without_entry")["mend"]).group(1)
         subprocess.run(["sh", "-c", command], check=True)
         _, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("driver"))

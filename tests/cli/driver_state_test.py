@@ -1,5 +1,5 @@
-"""What state a driver is in: PoCL's compiled kernels damaged, a signal while it compiles, variables of the environment that say nothing
-that is known. None of it ends as a kernel that does not compile, or in a crash. Python's standard library only."""
+"""Unusual states of a driver: damaged compiled kernels of PoCL, a signal during compilation, invalid environment variables. None of them
+ends in a compile error of a kernel, or in a crash. Uses only Python's standard library."""
 import json
 import os
 import shutil
@@ -18,7 +18,7 @@ def has_pocl():
 
 
 class Pocl(support.Case):
-    """With a folder of compiled kernels of its own."""
+    """Each test has its own folder of compiled kernels."""
     @classmethod
     def setUpClass(cls):
         if not has_pocl():
@@ -28,7 +28,7 @@ class Pocl(support.Case):
         self.folder = support.tempfile.mkdtemp(prefix="vsplat-driver-")
         self.addCleanup(shutil.rmtree, self.folder, True)
         support.write_scene(self.path("scene.ply"), [((0.1 * i - 0.3, 0, 0), (i / 6, 1, 0), 0.08, 0.8) for i in range(7)])
-        only = "/etc/OpenCL/vendors/pocl.icd"  # the other drivers are not looked at
+        only = "/etc/OpenCL/vendors/pocl.icd"  # the other drivers are not loaded
         self.env = {**({"OCL_ICD_VENDORS": only} if os.path.exists(only) else {}), "POCL_CACHE_DIR": self.path("kernels"), "VSPLAT_CACHE_DIR": self.path("own"), "POCL_KERNEL_CACHE": "1", "VSPLAT_DEVICE": "Portable"}
 
     def draws(self):
@@ -38,7 +38,7 @@ class Pocl(support.Case):
         return sorted(os.path.join(root, name) for root, _, names in os.walk(self.path("kernels")) for name in names if name.endswith(ending))
 
     def drawn(self):
-        """-> the picture, what was said"""
+        """Returns the picture and the messages."""
         code, _, err = support.run(*self.draws(), env=self.env)
         self.assertEqual(code, 0, err)
         with open(self.path("out", "0000.png"), "rb") as f:
@@ -87,12 +87,12 @@ class Pocl(support.Case):
         self.assertIn("and 1 more were", err)
 
     def test_damage_that_is_not_seen_is_told_when_it_crashes(self):
-        """Of code that was overwritten nothing tells before it runs."""
+        """Overwritten code shows no damage before it runs."""
         self.drawn()
         for path in self.files(".so"):
             with open(path, "r+b") as f:
                 f.seek(4096)
-                f.write(b"\x0f\x0b" * 500)  # what no processor executes
+                f.write(b"\x0f\x0b" * 500)  # invalid instructions on every processor
         self.assertEqual(self.doctor(), [])
         code, _, err = support.run(*self.draws(), env=self.env)
         self.assertLess(code, 0, err)
@@ -125,7 +125,7 @@ class Pocl(support.Case):
         for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)):
             process = self.started(start_new_session=True)
             time.sleep(0.3)
-            os.killpg(process.pid, number)  # as a terminal does: what the driver has started gets it, too
+            os.killpg(process.pid, number)  # as a terminal does: programs that the driver has started get it, too
             _, err = process.communicate(timeout=support.PATIENCE)
             self.assertEqual(process.returncode, code, err)
             self.assertNotIn("compile", err)
@@ -134,7 +134,7 @@ class Pocl(support.Case):
 
     def test_a_second_signal_ends_it_at_once(self):
         process = self.started()
-        while process.poll() is None:  # two that come at once are one
+        while process.poll() is None:  # two signals at the same time may count as one
             process.send_signal(signal.SIGTERM)
             time.sleep(0.05)
         process.communicate()
@@ -168,7 +168,7 @@ class Environment(support.Case):
             self.assertEqual(os.listdir(self.folder), [])
             code, out, _ = support.run("doctor", "--json", env=env, cwd=self.folder)
             self.assertEqual([f["about"] for f in json.loads(out)["findings"] if f["kind"] == "variable"], [name])
-        # Where nothing is kept below it, it does not matter.
+        # If nothing is cached below it, it does not matter.
         env = {"XDG_CACHE_HOME": "", "HOME": "here", "VSPLAT_CACHE_DIR": self.path("own"), "POCL_CACHE_DIR": self.path("kernels")}
         self.assertEqual(support.run("devices", env=env, cwd=self.folder)[0], 0)
 

@@ -1,4 +1,4 @@
-"""vsplat evaluate: its contract. tests/reference/pytorch/check_evaluate.py looks at the numbers themselves."""
+"""vsplat evaluate: its contract. tests/reference/pytorch/check_evaluate.py checks the numbers themselves."""
 import array
 import csv
 import json
@@ -13,7 +13,7 @@ NUMBERS = ["psnr", "psnr_coarse", "ssim", "psnr_white", "psnr_nearest", "selecte
 
 
 def write_alexnet(path, seed=1):
-    """Random weights of the right shapes for LPIPS."""
+    """Random weights with the right shapes for LPIPS."""
     rng, header, values, at = random.Random(seed), {}, array.array("f"), 0
     convolutions = [(0, 3, 64, 11), (3, 64, 192, 5), (6, 192, 384, 3), (8, 384, 256, 3), (10, 256, 256, 3)]
     for k, (index, cin, cout, side) in enumerate(convolutions):
@@ -64,11 +64,11 @@ class Evaluate(support.Case):
         self.assertIn("3 objects", err)
 
     def test_size(self):
-        """Judged at another size: white pictures say which truth was taken; the default and the model's own size agree."""
+        """Compared at another size: the score of white pictures shows which truth was used; the default and the model's own size agree."""
         usual = json.loads(self.succeeds(*self.evaluate("--json"))[0])
         self.assertEqual(usual, json.loads(self.succeeds(*self.evaluate("--size", self.SIDE, "--json"))[0]))
         larger = json.loads(self.succeeds(*self.evaluate("--size", 2 * self.SIDE, "--json"))[0])
-        self.assertEqual(usual["mean"]["selected"], larger["mean"]["selected"])  # the same went in
+        self.assertEqual(usual["mean"]["selected"], larger["mean"]["selected"])  # the inputs are the same
         self.assertNotEqual(usual["mean"]["psnr_white"], larger["mean"]["psnr_white"])
         self.refuses(2, "--size", *self.evaluate("--size", 5))
 
@@ -81,7 +81,7 @@ class Evaluate(support.Case):
         return "evaluate", "--table", path
 
     def test_small_pictures_have_several_samples(self):
-        """A pixel of 11 is more than eight times as wide as one of 112, from wherever: eight samples along it, the most that there are."""
+        """A pixel of 11 is more than eight times as wide as one of 112, whatever the distance: eight samples along it, the maximum."""
         self.succeeds("init", "micro", "--seed", 3, "--set", "image=112", "--output", self.path("fine.safetensors"), "--quiet")
         def told(*more):
             return json.loads(self.succeeds("evaluate", self.set, "--model", self.path("fine.safetensors"), "--json", *more)[0])["objects"]
@@ -93,7 +93,7 @@ class Evaluate(support.Case):
         self.refuses(2, ["--supersample", "1 to 8"], *self.evaluate("--supersample", 9))
 
     def test_rows_of_a_table(self):
-        """Each is what an evaluation by itself says."""
+        """Each equals the result of a separate evaluation."""
         files = [self.path(f"rows.{ending}") for ending in ("md", "csv", "json")]
         out, err = self.succeeds(*self.table(), *(word for path in files for word in ("--output", path)))
         self.assertIn("4 rows", err)
@@ -131,7 +131,7 @@ class Evaluate(support.Case):
         self.refuses(1, "no file", "evaluate", "--table", self.path("none.json"))
 
     def test_noise_on_poses(self):
-        """The same for every model; what is compared stays where it is. A model that predicts rays says how far they are."""
+        """The noise is the same for every model, and compared pictures do not move. A model that predicts rays reports their errors."""
         noise = ("--pose-noise", 0.02, "--pose-draws", 2, "--seed", 5, "--json")
         plain = json.loads(self.succeeds(*self.evaluate("--json"))[0])
         out, _ = self.succeeds(*self.evaluate(*noise))
@@ -162,7 +162,7 @@ class Evaluate(support.Case):
             self.assertNotEqual(a["psnr"], b["psnr"])
             for name in ("psnr_coarse", "psnr_white", "psnr_nearest", "selected"):
                 self.assertEqual(a[name], b[name], name)
-        # Random weights make fog; towards the pictures it clears up, for pictures that took no part, too.
+        # Random weights make fog; fitting clears it, also in pictures that it did not use.
         self.assertGreater(told["mean"]["psnr"], plain["mean"]["psnr"] + 0.5)
 
     def test_sheet(self):
@@ -219,7 +219,7 @@ class Evaluate(support.Case):
         self.assertEqual([line.split()[0] for line in out.splitlines()], ["object", "solid_0000", "solid_0001", "mean"])
 
     def test_frames_without_a_picture_are_passed_over(self):
-        """As reconstruct does; what is there and cannot be read is still an error."""
+        """Missing pictures are skipped as in reconstruct; a picture that exists and cannot be read is still an error."""
         with open(os.path.join(self.set, "solid_0001", "transforms.json")) as f:
             listed = json.load(f)
         for name in ("0003", "0005"):

@@ -1,4 +1,4 @@
-"""Worlds far from their origin, as georeferenced photographs have them: what comes out is as good as at the origin."""
+"""Worlds far from their origin, as with georeferenced photographs: results are as good as at the origin."""
 import json
 import math
 import os
@@ -9,8 +9,7 @@ import support
 
 DISTANCES = (1e3, 1e5, 1e7)  # edges of the cube
 LEAST = 60                        # dB against the scene at the origin
-# All that are there are taken: of two cameras as far from the middle between them, rounding would choose another one
-# elsewhere.
+# Uses all views: if two cameras are equally far from their middle, rounding would choose differently elsewhere.
 VIEWS = ("--views", "@0,@1,@2,@3")
 
 
@@ -23,7 +22,7 @@ class Far(support.Case):
         self.here = self.moved(0)
 
     def moved(self, distance, name="world"):
-        """The set in a world whose origin is so far away along each axis. -> its folder"""
+        """The set in a world whose origin is so far away along each axis. Returns its folder."""
         folder = self.path(f"{name}_{distance:g}", "solid")
         if not os.path.isdir(folder):
             shutil.copytree(self.path("set", "solid_0000"), folder)
@@ -76,7 +75,7 @@ class Far(support.Case):
                 at_origin = got
             for what in got:
                 self.hold(what, distance, got[what], at_origin[what])
-        # Cameras that are written are in the world.
+        # Written cameras are in the world.
         self.succeeds("render", scene, "--cameras", "orbit:3", "--write-cameras", self.path("orbit.json"), "--quiet")
         self.hold("the file, by cameras that were written", distance, self.pictures(scene, self.path("orbit.json"), "written"), got["the file, by an orbit"])
 
@@ -109,7 +108,7 @@ class Far(support.Case):
                 self.hold(f"refine --start {start}", distance, got, at_origin)
                 for key in ("start", "result"):
                     self.assertAlmostEqual(told[key]["psnr"], scores[key]["psnr"], 2)
-                # The cameras corrected are in the world, too.
+                # The corrected cameras are in the world, too.
                 if os.path.exists(self.path(f"{start}_{distance:g}.poses.json")):
                     poses = json.load(open(self.path(f"{start}_{distance:g}.poses.json")))
                     self.assertLess(abs(math.hypot(*(row[3] for row in poses[0]["w2c"][:3])) / max(distance * math.sqrt(3), 1) - 1), 0.5 if distance else 9)
@@ -132,14 +131,14 @@ class Far(support.Case):
         os.remove(self.path("scene.ply"))
         self.refuses(1, ["scene.offset.json exists", "--overwrite"], *reconstruct(far))
         self.refuses(1, ["scene.offset.json exists", "--overwrite"], *reconstruct(self.here))
-        # One that is in the world has none: that of before would misplace it.
+        # A scene in the world has no offset file: an earlier one would misplace it.
         self.succeeds(*reconstruct(self.here, "--overwrite"))
         self.assertFalse(os.path.exists(self.path("scene.offset.json")))
         views = shutil.copy(os.path.join(far, "transforms.json"), os.path.join(far, "one.offset.json"))
         self.refuses(2, "cannot be the output", "reconstruct", views, "--model", self.model, "--output", os.path.join(far, "one.ply"), "--overwrite")
 
     def test_a_file_of_floats_far_away_is_refined_about_its_cube(self):
-        """What its floats have lost is lost; no more is."""
+        """Precision that the file's floats have lost stays lost, but no more is."""
         spots = [(1e5 + 0.25 * math.sin(i), 1e5 + 0.25 * math.cos(2.3 * i), 1e5 + 0.25 * math.sin(5.1 * i)) for i in range(60)]
         support.write_scene(self.path("ball.ply"), [(at, (0.5, 0.5, 0.5), 0.06, 0.7) for at in spots])
         told = self.told("refine", self.moved(1e5), "--start", self.path("ball.ply"), "--holdout", 1, "--steps", 20, "--output", self.path("out.ply"))

@@ -1,4 +1,4 @@
-"""The library's messages name fields and functions of its interface; the command line says its own options instead."""
+"""The library's messages name fields and functions of its interface; the command replaces them by its options."""
 import glob
 import os
 import re
@@ -10,10 +10,10 @@ ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
 
 def library_literals():
-    """-> (file and line, text) of every string in the library's sources"""
+    """Returns (file and line, text) of every string in the library's sources."""
     for folder in ("model", "runtime"):
         for path in sorted(glob.glob(os.path.join(ROOT, folder, "**", "*.*"), recursive=True)):
-            if not path.endswith((".cpp", ".h")) or os.path.join("model", "cli", "") in path:  # the command, which is no library
+            if not path.endswith((".cpp", ".h")) or os.path.join("model", "cli", "") in path:  # the command is not part of the library
                 continue
             text = re.sub(r'"\s*\n\s*"', "", open(path).read())
             for number, line in enumerate(text.split("\n"), 1):
@@ -38,7 +38,7 @@ class Flags(support.Case):
                 known.add(found.group(1))
         named = set()
         for where, text in library_literals():
-            if " " not in text:  # a name alone is no message, but what a message is made with
+            if " " not in text:  # a single name is not a message, but part of one
                 named.update(name for name in known if name == text)
                 continue
             for name in re.findall(r"\bvsplat_\w+\.\w+|\bvsplat_(?:(?:train|model|views|mesh|set)_\w+|doctor)\b(?!\.)", text):

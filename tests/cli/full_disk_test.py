@@ -1,4 +1,4 @@
-"""vsplat train where the disk is full: a file system of its own, which most users may not mount (see tests/may-skip.txt)."""
+"""vsplat train on a full disk: a separate file system, which most users may not mount (see tests/may-skip.txt)."""
 import json
 import os
 import re
@@ -11,7 +11,7 @@ import train_support
 
 class FullDisk(train_support.Case):
     def full_disk(self, config, run):
-        """A resumed run that cannot write a checkpoint, or the model that belongs to one, fails and loses none."""
+        """A resumed run that cannot write a checkpoint, or its model, fails and loses none."""
         before = {n: self.read(run, n) for n in os.listdir(self.path(run)) if n.startswith("checkpoint-")}
         self.assertTrue(before)
         process = self.start(*self.train(config, run, "--resume"))

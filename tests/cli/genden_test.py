@@ -1,4 +1,4 @@
-"""GenDen's network and VS-Splat's with the densifier on the command line: made, run, trained and measured."""
+"""GenDen's network, and VS-Splat's with the densifier, on the command line: init, reconstruct, train and evaluate."""
 import json
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""What the command tells of itself: help, man pages and shell completion say the same, and no option is taken that does nothing."""
+"""How the command describes itself: help, man pages and shell completion agree, and no option is accepted that has no effect."""
 import os
 import re
 import shutil
@@ -11,7 +11,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 def commands():
-    """Every command as its words, read from --help alone."""
+    """Every command as a list of words, read from --help only."""
     out, left = [], [[]]
     while left:
         at = left.pop(0)
@@ -28,7 +28,7 @@ def help_of(words):
 
 
 def options_of(words):
-    """-> [names of one option] for each option."""
+    """Returns [names of one option] for each option."""
     found = []
     for line in re.split(r"\nExamples?:", help_of(words))[0].splitlines():
         names = re.match(r"  (--?[a-zA-Z][\w,-]*)", line)
@@ -82,7 +82,7 @@ class Help(support.Case):
         self.refuses(2, "csh", "completion", "csh")
 
     def complete(self, *words):
-        """What bash proposes for the last of these words."""
+        """Returns what bash proposes for the last of these words."""
         open(self.path("vsplat.bash"), "w").write(self.succeeds("completion", "bash")[0])
         script = 'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _vsplat; printf "%s\\n" "${COMPREPLY[@]}"'
         done = subprocess.run(["bash", "-c", script, "bash", self.path("vsplat.bash"), "vsplat", *words], capture_output=True, text=True, check=True)
@@ -96,7 +96,7 @@ class Help(support.Case):
         self.assertEqual(self.complete("weights", "convert", "--dtype", ""), ["f16", "f32"])
         self.assertEqual(self.complete("reconstruct", "photos", "--fit", "o"), ["object"])
         self.assertEqual(self.complete("dataset", "render", "--tex"), ["--texture"])
-        self.assertEqual(self.complete("render", "--tex"), [])           # and not the data set's
+        self.assertEqual(self.complete("render", "--tex"), [])           # not the data set's option
         self.assertEqual(self.complete("bench", "--kernels", "g"), ["gpu"])
         self.assertEqual(self.complete("reconstruct", "--scale", ""), [])
         self.assertEqual(sorted(self.complete("render", "-")), sorted(n for names in options_of(["render"]) for n in names))

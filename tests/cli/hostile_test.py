@@ -1,10 +1,10 @@
-"""Every command with every kind of file that is made to break it: tests/hostile makes them, by a seed, and has the rule.
+"""Every command with every kind of malicious file. tests/hostile makes the files from a seed, and has the rule that commands must obey.
 
-  VSPLAT=... hostile_test.py [Hostile|Traced]   what is quick, of one seed
-  VSPLAT_HOSTILE_SEEDS=1,2,3 ...                all of it, with these seeds
-  VSPLAT_HOSTILE_ALL=1 ...                      with every command that takes a file, not with one of those that need a device in turn
-  VSPLAT_HOSTILE=DIR ...                        a folder of finds instead: its files by their endings, folders with a list of cameras
-  VSPLAT_HOSTILE_KINDS=gltf/*,png/*:train ...   these kinds alone, or a command with them"""
+  VSPLAT=... hostile_test.py [Hostile|Traced]   the quick files of one seed
+  VSPLAT_HOSTILE_SEEDS=1,2,3 ...                all files of these seeds
+  VSPLAT_HOSTILE_ALL=1 ...                      with every command that accepts a file; otherwise commands that need a device take turns
+  VSPLAT_HOSTILE=DIR ...                        a folder of finds instead: files by their endings, folders by their list of cameras
+  VSPLAT_HOSTILE_KINDS=gltf/*,png/*:train ...   only these kinds, or one command with them"""
 import concurrent.futures
 import fnmatch
 import os
@@ -21,9 +21,9 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 import make_hostile  # noqa: E402
 import rule  # noqa: E402
 
-# What needs no device, and no time: these take every file, of the others each file gets one, in turn (all: VSPLAT_HOSTILE_ALL=1).
+# Fast commands that need no device get every file; of the others, each file gets one in turn (VSPLAT_HOSTILE_ALL=1: all).
 CHEAP = ("print", "info", "verify", "convert", "init", "import")
-QUICK_EVERY = 10  # the quick test takes one in so many
+QUICK_EVERY = 10  # the quick test uses one file in so many
 
 
 def chosen(kind, command):
@@ -32,7 +32,7 @@ def chosen(kind, command):
 
 
 def listed(folder, sound, scratch):
-    """A folder of finds: what each file is, by its ending."""
+    """A folder of finds: the kind of each file, by its ending."""
     by_ending = {".json": "config", ".safetensors": "model", ".h5": "hdf5", ".hdf5": "hdf5", ".txt": "selection", ".ckpt": "checkpoint"}
     for ending in (".obj", ".ply", ".stl", ".gltf", ".glb", ".3mf", ".off", ".ase", ".md5mesh", ".dae", ".fbx"):
         by_ending[ending] = "mesh"
@@ -53,7 +53,7 @@ def listed(folder, sound, scratch):
                 add(path, by_ending[ending])
             if ending == ".ply":
                 add(path, "scene")
-            if ending in (".png", ".jpg", ".exr", ".tif", ".webp", ".bmp"):  # alone: as the first of an object's pictures
+            if ending in (".png", ".jpg", ".exr", ".tif", ".webp", ".bmp"):  # only as the first of an object's pictures
                 copy = os.path.join(scratch, f"picture{len(out)}")
                 shutil.copytree(os.path.join(sound, "set", "object"), copy)
                 shutil.copy(path, os.path.join(copy, "images", "first" + ending))
@@ -78,11 +78,11 @@ class Case(unittest.TestCase):
         return folder, make_hostile.make(seed, folder, self.sound)
 
     def hold(self, folder, tasks, **how):
-        """tasks: (entry, command). All of them are run, and none may violate the rule or change a file."""
+        """tasks: (entry, command). Runs all of them; none may violate the rule or change a file."""
         before, found, most = rule.content_of(self.folder), [], (0, 0)
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             for lines, ran in pool.map(lambda task: rule.check(*task, folder, self.sound, **how), tasks):
-                print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)  # before the end, which may be far
+                print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)  # before the end, which may be far away
                 found += lines
                 most = max(most[0], ran.seconds), max(most[1], ran.bytes)
         print(f"{len(tasks)} commands, the longest {most[0]:.1f} s, the largest {most[1] / 2**30:.2f} GiB", file=sys.stderr)
@@ -113,7 +113,7 @@ class Hostile(Case):
         return out
 
 
-# Files that every program of this system opens, or may.
+# Files that every program on this system opens, or may open.
 SYSTEM = ("/usr/", "/lib/", "/lib64/", "/bin/", "/etc/ld.so.", "/etc/OpenCL/", "/etc/nsswitch.conf", "/etc/localtime", "/etc/drirc", "/proc/", "/sys/", "/dev/null",
           "/dev/urandom", "/dev/random", "/dev/dri", "/dev/shm")
 OPENS = re.compile(r'^(open|openat|openat2|creat)\((?:(AT_FDCWD|\d+)(?:<([^>]*)>)?, )?"((?:[^"\\]|\\.)*)"(.*) = (-?\d+)')
@@ -126,7 +126,7 @@ def traces_work():
 
 
 class Traced(Case):
-    """What is opened, as the kernel sees it."""
+    """The files that are opened, as the kernel sees it."""
     KINDS = ("outside/*", "obj/mtllib*", "obj/map*", "gltf/buffer*", "gltf/texture*", "ply/texture", "hdf5/stored*", "hdf5/link*", "hdf5/group*", "hdf5/virtual*", "hdf5/soft*",
              "colmap/outside*", "colmap/case*", "paths/*", "compare/*", "textures/*", "names/*", "model/escape_name", "config/nested",
              "checkpoint/name*", "checkpoint/key*", "checkpoint/only_outside", "checkpoint/*_dict")
@@ -154,7 +154,7 @@ class Traced(Case):
         caches = os.path.join(self.folder, "caches")
         os.makedirs(caches)
         env = {name: caches for name in ("POCL_CACHE_DIR", "XDG_CACHE_HOME", "VSPLAT_CACHE_DIR", "TMPDIR")}
-        if rule.SANITIZED:  # leaks are looked for by tracing, which only one may do
+        if rule.SANITIZED:  # the leak search traces the process, which only one tracer may do
             env["ASAN_OPTIONS"] = os.environ["ASAN_OPTIONS"] + ":detect_leaks=0"
         log = os.path.join(self.folder, "log")
         def run(entry, command, more=()):
@@ -174,7 +174,7 @@ class Traced(Case):
                               prefix=("strace", "-ff", "-qq", "-y", "-s", "4096", "-e", "trace=%file", "-e", "signal=none", "-o", os.path.join(log, "t")))
         tasks = [(entry, name) for entry in made for name, _ in rule.commands(entry["role"], "", "", "")[:2]
                  if any(fnmatch.fnmatchcase(entry["kind"], kind) for kind in self.KINDS) and chosen(entry["kind"], name)]
-        # What a sound file has opened, any file may: a driver's own.
+        # Files that a sound input opens may be opened for any input: they belong to a driver.
         usual = set()
         for role, path in (("views", "set/object"), ("model", "micro.safetensors"), ("scene", "scene.ply")):
             for name, _ in rule.commands(role, "", "", "")[:2]:

@@ -1,5 +1,5 @@
-"""vsplat weights import: PyTorch's checkpoints become models to the bit, and those that are damaged or hostile are refused: nothing in them is
-run, nothing is written."""
+"""vsplat weights import: PyTorch's checkpoints become models to the bit. Damaged and malicious ones are refused: nothing in them is run,
+and nothing is written."""
 import json
 import os
 import pathlib
@@ -15,11 +15,11 @@ sys.path.insert(0, os.path.join(ROOT, "tests", "hostile"))
 import checkpoints  # noqa: E402
 MAKER = os.path.join(ROOT, "tests", "reference", "pytorch", "run.sh")
 MUTATIONS = 300
-ALL = bool(os.environ.get("VSPLAT_MUTATIONS"))  # else some of them
+ALL = bool(os.environ.get("VSPLAT_MUTATIONS"))  # otherwise some of them
 
 
 def tensors(path):
-    """-> {name: (shape, bytes)} of a safetensors file"""
+    """Returns {name: (shape, bytes)} of a safetensors file."""
     data = pathlib.Path(path).read_bytes()
     size = struct.unpack("<Q", data[:8])[0]
     header = json.loads(data[8:8 + size])
@@ -28,10 +28,10 @@ def tensors(path):
 
 
 class Checkpoints(support.Case):
-    """With PyTorch's files of a model beside each."""
+    """Models with PyTorch's files beside each."""
     def setUp(self):
         super().setUp()
-        # As weights of the published code are imported.
+        # Imported like the weights of the published code.
         self.succeeds("init", "micro", "--seed", 3, "--set", "negate_camera_centre=true", "--output", self.model, "--overwrite")
         self.other = self.path("other.safetensors")
         self.succeeds("init", "micro", "--seed", 4, "--set", "fine_count=3", "--set", "volume_ch=8", "--set", "negate_camera_centre=true", "--output", self.other)
@@ -41,14 +41,14 @@ class Checkpoints(support.Case):
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def imports(self, name, *more):
-        """-> what is told, as JSON, and stderr"""
+        """Returns the JSON and stderr."""
         out, err = self.succeeds("weights", "import", self.path(name), "--output", self.path("got.safetensors"), "--overwrite", "--json", *more)
         return json.loads(out), err
 
 
 class Import(Checkpoints):
     def refused(self, words, name, *more, code=1):
-        """Nothing is written, and what the error says is fit for a terminal."""
+        """Writes nothing, and the error is safe for a terminal."""
         err = self.refuses(code, words, "weights", "import", self.path(name), "--output", self.path("none.safetensors"), *more)
         self.assertFalse(any(ord(c) < 32 and c != "\n" for c in err), repr(err))
         return err
@@ -77,7 +77,7 @@ class Import(Checkpoints):
             got = b"".join(data for _, data in tensors(self.path("got.safetensors")).values())
             self.assertEqual(got, pathlib.Path(self.path(name + ".raw")).read_bytes(), name)
         self.imports("double.ckpt")
-        self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.model))  # of doubles that floats hold
+        self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.model))  # doubles whose values floats hold exactly
 
     def test_what_was_left_out_is_listed(self):
         told, err = self.imports("more.ckpt")
@@ -161,7 +161,7 @@ class Import(Checkpoints):
 
 
 class Dinov3(support.Case):
-    """Its encoder in Meta's naming, which is committed: PyTorch is not asked for."""
+    """The encoder in Meta's naming; the file is committed, so PyTorch is not needed."""
     CHECKPOINT = os.path.join(ROOT, "tests", "golden", "dinov3_micro_meta.pth")
     FIELDS = [word for field in ("vit_heads=2", "groups=2", "image=16", "volume=4", "volume_ch=4", "voxel_ch=8", "fine_dim=8", "views=2") for word in ("--set", field)]
 
@@ -179,7 +179,7 @@ class Dinov3(support.Case):
 
 
 class Lara(support.Case):
-    """LaRa's, whose checkpoint is committed: PyTorch is not asked for."""
+    """LaRa's checkpoint is committed, so PyTorch is not needed."""
     CHECKPOINT = os.path.join(ROOT, "tests", "golden", "lara_micro.ckpt")
 
     def test_becomes_a_model(self):
@@ -215,7 +215,7 @@ class Lara(support.Case):
 
 
 class Genden(support.Case):
-    """GenDen's, whose checkpoint is committed, too."""
+    """GenDen's checkpoint is committed, too."""
     CHECKPOINT = os.path.join(ROOT, "tests", "golden", "genden_micro.ckpt")
 
     def test_becomes_a_model_and_reconstructs(self):
@@ -236,7 +236,7 @@ class Genden(support.Case):
         self.assertTrue(json.loads(self.succeeds("weights", "info", residual, "--json")[0])["config"]["densify.residual"])
 
     def test_a_configuration_is_dotted_or_nested(self):
-        """--config: fields with dotted names, objects within objects, what `weights info --json` prints, and a model file's metadata."""
+        """--config: fields with dotted names, nested objects, the output of `weights info --json`, and a model file's metadata."""
         def imported(config):
             with open(self.path("config.json"), "w") as f:
                 json.dump(config, f)
@@ -254,9 +254,9 @@ class Genden(support.Case):
 
 
 class Mutations:
-    """300 files that are damaged or meant to break their reader, of a sound one: some of them, with VSPLAT_MUTATIONS all."""
+    """300 damaged or malicious files, made from a sound one: some of them, with VSPLAT_MUTATIONS all."""
     def begin(self, sound, *more):
-        """more: the options that importing the sound one takes."""
+        """more: the options that importing the sound file needs."""
         self.random, self.more = random.Random(7), more
         self.broken = checkpoints.Broken(sound, self.path("canary"), self.random)
         self.succeeds("weights", "import", sound, "--output", self.path("right.safetensors"), *more)
@@ -293,7 +293,7 @@ class Mutations:
         print(f"{len(run)} mutations, {refusals} refused, {len(run) - refusals} changed nothing that is read", file=sys.stderr)
 
     def test_any_byte_of_the_pickle(self):
-        """With a checksum that fits: whatever is then taken is a model."""
+        """With a valid checksum: whatever is then accepted is a model."""
         for _ in range(60 if ALL else 12):
             data = bytearray(self.broken.pickle)
             at = self.random.randrange(len(data))
@@ -308,7 +308,7 @@ class Mutations:
 
 
 class Hostile(Mutations, Checkpoints):
-    """VS-Splat's, which PyTorch has made."""
+    """VS-Splat's checkpoint, which PyTorch has made."""
     def setUp(self):
         super().setUp()
         self.begin(self.path("lightning.ckpt"))

@@ -1,4 +1,4 @@
-"""vsplat kernels: every kernel of cl/ is listed with what it is built with, and what is dumped compiles alone."""
+"""vsplat kernels: lists every kernel of cl/ with its build options; every dumped program compiles by itself."""
 import glob
 import json
 import os
@@ -12,7 +12,7 @@ CL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "cl")
 
 
 def kernels_of(flavour):
-    """-> {(file, kernel)} by the sources' text alone."""
+    """Returns {(file, kernel)} from the sources' text alone."""
     other = {"gpu": "_cpu", "cpu": "_gpu"}[flavour]
     out = set()
     for path in sorted(glob.glob(os.path.join(CL, "**", "*.cl"), recursive=True)):
@@ -47,14 +47,14 @@ class Kernels(support.Case):
         drawn = {k["name"]: {launch["job"] for launch in k["launches"]} for p in self.listed("--for", "render") for k in p["about"]}
         self.assertEqual(drawn["rasterize_forward_gpu"], {"render"})
         self.assertEqual(drawn["gemm_tile_gpu"], set())
-        # The kernels of the other networks, by theirs.
+        # The kernels of the other networks, by their jobs.
         self.succeeds("init", "micro", "--system", "lara", "--seed", 1, "--output", self.path("lara.safetensors"))
         lara = json.loads(self.succeeds("kernels", "--model", self.path("lara.safetensors"), "--no-build", "--json")[0])
         jobs = {k["name"]: {launch["job"] for launch in k["launches"]} for p in lara for k in p["about"]}
         self.assertEqual(jobs["rasterize_surfels_backward_gpu"], {"render", "train"})
 
     def test_what_really_runs_is_in_the_list(self):
-        """Held against profiles of runs: every kernel of theirs is listed as that job's."""
+        """Compared with profiles of runs: every kernel in them is listed for that job."""
         def names(job, flavour, profile):
             listed = {}
             for k in (k for p in self.listed("--flavour", flavour) for k in p["about"]):
@@ -71,7 +71,7 @@ class Kernels(support.Case):
     def test_local_memory_is_the_compilers(self):
         out = json.loads(self.succeeds("kernels", "--for", "render", "--json")[0])
         about = {k["name"]: k for p in out for k in p["about"]}
-        records = 256 * 12 * 4  # of a group's Gaussians; beside them a word or two
+        records = 256 * 12 * 4  # of a group's Gaussians, plus a word or two
         self.assertIn(about["rasterize_forward_gpu"]["local_memory"], range(records, records + 256))
         self.assertEqual([k["error"] for k in about.values() if "error" in k], [])
 
@@ -90,7 +90,7 @@ class Kernels(support.Case):
         if not compiler:
             self.skipTest("no clang")
         for program in programs:
-            if "targets" in program:  # one vendor's compilers alone can read it
+            if "targets" in program:  # only one vendor's compilers can read it
                 continue
             with self.subTest(program=program["name"], options=program["options"]):
                 done = subprocess.run([compiler, "-x", "cl", *program["options"].split(), "-fsyntax-only", "-Xclang", "-finclude-default-header",
@@ -106,7 +106,7 @@ class Kernels(support.Case):
         env = {"VSPLAT_MATRIX": "emulated", "VSPLAT_MATRIX_LEAST": "1"}
         mixed = self.succeeds("kernels", "--model", self.model, "--no-build", "--json", "--for", "reconstruct,train", "--precision", "mixed", env=env)[0]
         launched = {k["name"]: {launch["job"] for launch in k["launches"]} for p in json.loads(mixed) for k in p["about"] if k["launches"]}
-        self.assertEqual(set.union(*launched.values()), {"reconstruct"})  # in mixed precision there is no training
+        self.assertEqual(set.union(*launched.values()), {"reconstruct"})  # mixed precision has no training
         self.assertIn("gemm_matrix_gpu", launched)
         self.assertNotIn("gemm_tile_gpu", launched)
 

@@ -1,4 +1,4 @@
-"""LaRa's network on the command line: what works for VS-Splat's works for it, by the model file's `system`; and its scenes of surfels."""
+"""LaRa's network on the command line: what works for VS-Splat's works for it, chosen by the model file's `system`; and its surfel scenes."""
 import json
 import os
 import pathlib
@@ -48,7 +48,7 @@ class Lara(support.Case):
             self.assertIn(kernel, profile)
 
     def test_stages_of_more_primitives_than_come_at_a_time(self):
-        """What is dumped of them is of all."""
+        """The dump contains all of them."""
         many = self.path("many.safetensors")
         self.succeeds("init", "tiny", "--system", "lara", "--seed", 3, "--set", "volume=15", "--output", many)
         told = json.loads(self.succeeds("reconstruct", self.views, "--model", many, "--output", self.path("many.ply"), "--dump", self.path("dump"), "--json")[0])
@@ -94,7 +94,7 @@ class Lara(support.Case):
 
 class LaraTrained(train_support.Case):
     MODEL = {"system": "lara", "base": "micro"}
-    # A loss of random surfaces is large: little of it.
+    # The loss of random surfaces is large, so its weight is small.
     LOSS = {"fine_after": 3, "surface_after": 2, "distortion_weight": 10, "normal_weight": 0.02}
 
     def test_interrupted_and_whole_give_the_same_bytes(self):
@@ -102,7 +102,7 @@ class LaraTrained(train_support.Case):
         plan = json.loads(self.succeeds("train", config, "--dry-run", "--json")[0])
         self.assertTrue(plan)
         self.succeeds(*self.train(config, "whole"))
-        for done in (1, 3):  # as if it had been killed then: before the loss grew, and after
+        for done in (1, 3):  # as if killed then: before and after the loss gets new terms
             run = f"killed-{done}"
             shutil.copytree(self.path("whole"), self.path(run))
             for step in range(done + 1, 7):
@@ -111,7 +111,7 @@ class LaraTrained(train_support.Case):
             self.same_training("whole", run, 6)
         told = json.loads(self.succeeds("weights", "info", self.path("whole", "model.safetensors"), "--json")[0])
         self.assertEqual(told["system"], "lara")
-        # What was trained is measured, and begun with.
+        # The trained model can be evaluated, and used with --init.
         scores = json.loads(self.succeeds("evaluate", self.solids, "--model", self.path("whole", "model.safetensors"), "--json", "--sheet", self.path("sheet.png"))[0])
         self.assertEqual(len(scores["objects"]), 3)
         for number in ("psnr", "psnr_coarse", "ssim", "selected"):
@@ -121,7 +121,7 @@ class LaraTrained(train_support.Case):
         self.refuses(1, ["whole", "model"], *self.train(other, "none", "--init", self.path("whole", "model.safetensors")))
 
     def test_a_plan_is_of_the_stage_that_takes_the_most(self):
-        """Stages that differ only in how long they are may differ in whether there is a second level."""
+        """Stages that differ only in their length may differ in whether they have a second level."""
         def peak(*steps):
             config = self.config("stages.json", model=self.MODEL, **self.LOSS, warmup=1, stages=[{"steps": n} for n in steps])
             return json.loads(self.succeeds("train", config, "--dry-run", "--json", "--assume-selected", 1)[0])[0]["peak_bytes"]

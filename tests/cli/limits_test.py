@@ -1,5 +1,5 @@
-"""VSPLAT_LIMITS: whole jobs under the limits of smaller devices, in both flavours, beside the same without; and that no launch that is
-planned is longer than a device should take at once."""
+"""VSPLAT_LIMITS: whole jobs under the limits of smaller devices, in both flavours, compared with runs without limits; and no planned launch
+is longer than a device should run at once."""
 import csv
 import json
 import os
@@ -10,7 +10,7 @@ import train_support
 
 
 def floats_of(path):
-    """The floats of a PLY as this command writes it: all that follows its header."""
+    """Returns the floats of a PLY as this command writes it: everything after its header."""
     with open(path, "rb") as f:
         data = f.read()
     data = data[data.index(b"end_header\n") + 11:]
@@ -30,7 +30,7 @@ class Limits(train_support.Case):
         support.write_scene(self.ball, [(at, (0.5, 0.4, 0.3), 0.06, 0.7) for at in spots])
 
     def jobs(self, kernels, name, limits):
-        """Everything once, into a folder of that name. -> what the line about the device says"""
+        """Runs every job once, into a folder of that name. Returns the line about the device."""
         env, out = {"VSPLAT_LIMITS": limits, "VSPLAT_KERNELS": kernels}, lambda *parts: self.path(f"{name}_{kernels}", *parts)
         os.makedirs(out())
         _, err = self.succeeds("reconstruct", self.views, "--model", self.model, "--output", out("scene.ply"), "--render", "orbit:2",
@@ -59,8 +59,8 @@ class Limits(train_support.Case):
                 self.assert_close(whole, less)
 
     def assert_close(self, whole, less):
-        """Sums in another order, which design's tolerances allow; steps of an optimiser follow the sign of what may be next to nothing,
-        so that what was trained is held by its losses."""
+        """Sums may be computed in another order, within the tolerances. Steps of an optimiser follow the sign of values that may be almost zero,
+        so a trained model is compared by its losses."""
         a, b = (floats_of(self.path(name, "scene.ply")) for name in (whole, less))
         self.assertEqual(len(a), len(b))
         most = max(map(abs, a))
@@ -91,7 +91,7 @@ class Limits(train_support.Case):
         self.both("local=16K", False)
 
     def test_small_buffers(self):
-        self.both("buffer=2M,memory=2G", True)  # a large one is 128M, which nothing of a micro model comes near
+        self.both("buffer=2M,memory=2G", True)  # a large device has 128M, which no micro model comes near
         needs = ("reconstruct", self.views, "--model", self.model, "--output", self.path("no.ply"))
         self.refuses(1, ["not enough device memory", "in one buffer"], *needs, env={"VSPLAT_LIMITS": "buffer=4K"})
         self.refuses(1, ["not enough device memory"], *needs, env={"VSPLAT_LIMITS": "memory=64K"})
@@ -127,7 +127,7 @@ class Planned(support.Case):
         return [(program["flavour"], kernel) for program in listed for kernel in program["about"] if kernel["launches"]]
 
     def test_no_launch_is_too_long(self):
-        """At the paper's size, forward; a step of training of the small model; drawing and refining, of what `kernels` plans with."""
+        """Plans at the paper's size, forward; a training step of the small model; drawing and fitting at the sizes that `kernels` plans with."""
         for name, jobs in (("paper", "reconstruct,render,refine"), ("small", "train")):
             model = self.path(name + ".safetensors")
             self.succeeds("init", name, "--seed", 1, "--output", model, "--quiet")
@@ -138,10 +138,10 @@ class Planned(support.Case):
             self.assertEqual(long, [], name)
             wide = [f"{flavour} {k['name']}: {k['most_groups']}" for flavour, k in kernels if k["most_groups"] > 65535]
             self.assertEqual(wide, [], name)
-            self.assertGreater(max(k["longest"] for _, k in kernels), 1e9)  # it knows
+            self.assertGreater(max(k["longest"] for _, k in kernels), 1e9)  # so it is measured
 
     def test_local_memory_and_groups_fit(self):
-        """What kernels declare, by the compiler, where a device has little."""
+        """The local memory that kernels declare, as compiled, on a device with little of it."""
         for kernel in (k for _, k in self.kernels(self.model, env={"VSPLAT_LIMITS": "group=64,local=16K"})):
             for launch in kernel["launches"]:
                 if launch["group"]:

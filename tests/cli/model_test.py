@@ -1,4 +1,4 @@
-"""Which model is taken where none is named, with a library that carries one and with one that does not; and conversion."""
+"""The default model, with a library that contains a built-in one and with a library that does not; and conversion."""
 import json
 import os
 import pathlib
@@ -6,7 +6,7 @@ import re
 
 import support
 
-# What the built-in model of one library is, and folders of either.
+# The built-in model of one library, and the folders of both.
 MICRO, WITH, WITHOUT = (os.environ[name] for name in ("VSPLAT_MICRO", "VSPLAT_WITH_MODEL", "VSPLAT_WITHOUT_MODEL"))
 
 
@@ -27,7 +27,7 @@ class Model(support.Case):
         self.succeeds("reconstruct", self.views, "--output", self.path("own.ply"), env=library(WITH))
         self.assertEqual(self.read("out.ply"), self.read("own.ply"))
         out, _ = self.succeeds("reconstruct", self.views, "--dry-run", "--json", env=library(WITH))
-        def needed(text):  # what there is changes with what else runs
+        def needed(text):  # the available memory depends on what else runs
             return [{key: value for key, value in plan.items() if "limit" not in key} for plan in json.loads(text)]
         self.assertEqual(needed(out), needed(self.succeeds(*self.reconstruct("--dry-run", "--json"))[0]))
 
@@ -68,7 +68,7 @@ class Model(support.Case):
         self.assertEqual(list(self.info(half)["dtypes"]), ["F16"])
         self.assertEqual(self.info(half)["config"], self.info(self.model)["config"])
         self.assertEqual(self.info(half)["provenance"], self.info(self.model)["provenance"])
-        tensors = 2 * self.info(self.model)["parameters"]                # at least: buffers come on top
+        tensors = 2 * self.info(self.model)["parameters"]                # at least: buffers come in addition
         self.assertLessEqual(tensors, os.path.getsize(self.model) - os.path.getsize(half))
         self.succeeds("weights", "convert", half, "--dtype", "f32", "--output", whole)
         self.assertEqual(list(self.info(whole)["dtypes"]), ["F32"])
@@ -90,7 +90,7 @@ class Model(support.Case):
             return json.loads(self.succeeds("reconstruct", many, "--dry-run", "--json", *more)[0])[0]["what"]
 
         used, err = views("--model", self.model)
-        self.assertEqual(used, 2)                                        # a file that says nothing: as it was trained
+        self.assertEqual(used, 2)                                        # a file that states nothing: as in training
         self.assertIn("2 of 20 pictures used; --view-count 16 uses more", err)
         own = self.path("own.safetensors")
         self.succeeds("weights", "convert", self.model, "--dtype", "f32", "--view-count", 7, "--output", own)
@@ -104,9 +104,9 @@ class Model(support.Case):
         self.assertEqual(used, 16)
         self.assertIn("16 of 20 pictures used, as many as the network takes", err)
         self.assertIn("3 views", told("--model", own, "--view-count", 3))
-        _, err = views("--model", own, "--views", "@0,@1")               # who names pictures knows how many there are
+        _, err = views("--model", own, "--views", "@0,@1")               # named views need no default number
         self.assertNotIn("pictures used", err)
-        # The published protocol has its own number.
+        # The published protocol has its own number of views.
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
         evaluations = [self.succeeds("evaluate", self.path("set"), "--model", model, "--json")[0] for model in (self.model, own)]
         self.assertEqual(*evaluations)
@@ -119,7 +119,7 @@ class Model(support.Case):
             self.refuses(2, "--view-count", "weights", "convert", self.model, "--dtype", "f16", "--output", self.path("x"), "--view-count", count)
         self.refuses(2, ["--view-count", "--views"], *self.reconstruct("--view-count", 2, "--views", "@0"))
         _, err = self.succeeds(*self.reconstruct("--view-count", 5))
-        self.assertIn("warning", err)                                    # asked for, and not there
+        self.assertIn("warning", err)                                    # requested, but not available
 
     def test_the_built_in_model_as_a_file(self):
         self.succeeds("weights", "convert", "--dtype", "f32", "--output", self.path("own.safetensors"), env=library(WITH))
@@ -129,7 +129,7 @@ class Model(support.Case):
         data = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "examples", "data")
         for name in ("garden_gnome", "painted_skull"):
             out, _ = self.succeeds("reconstruct", os.path.join(data, name), "--output", self.path(name + ".ply"), "--json", env=library(WITH))
-            self.assertEqual(json.loads(out)["views"], 2)                # as many as micro takes, of four
+            self.assertEqual(json.loads(out)["views"], 2)                # as many as micro accepts, of four
 
     def test_the_example_of_the_help_finds_the_skull(self):
         skull = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "examples", "data", "painted_skull")

@@ -1,4 +1,4 @@
-"""What is made of drawn pictures: formats, contact sheets, animations, comparisons."""
+"""Uses of drawn pictures: formats, contact sheets, animations, comparisons."""
 import json
 import math
 import os
@@ -11,7 +11,7 @@ SPLATS = [((0.1 * i - 0.3, 0.05 * (i % 3) - 0.05, 0.07 * (i % 2)), (i / 6, 1 - i
 
 
 def webp_frames(path):
-    """-> canvas, loops (0: for ever), and every frame's duration in milliseconds."""
+    """Returns the canvas, the number of loops (0: endless), and every frame's duration in milliseconds."""
     data = pathlib.Path(path).read_bytes()
     riff, size, kind = struct.unpack("<4sI4s", data[:12])
     assert (riff, kind, size + 8) == (b"RIFF", b"WEBP", len(data)), path
@@ -69,7 +69,7 @@ class Pictures(support.Case):
                 self.assertEqual(a.read(), b.read())
 
     def test_supersampling(self):
-        """What is drawn of a scene that tells how fine it is, is the mean of finer pictures where they are small."""
+        """If a scene states its detail, a small picture of it is the mean of a finer one."""
         told = self.path("told.ply")
         with open(self.path("scene.ply"), "rb") as f:
             text = f.read()
@@ -115,7 +115,7 @@ class Pictures(support.Case):
         self.assertEqual(json.loads(out)["sheet"], self.path("new", "sheet.png"))
         width, height, pixels = support.read_png(self.path("new", "sheet.png"))
         self.assertEqual((width, height), (2 * 32 + 3 * 8, 2 * (24 + 12) + 3 * 8))
-        for i in range(3):                                              # small ones are there pixel for pixel
+        for i in range(3):                                              # small pictures keep every pixel
             _, _, own = support.read_png(self.path("png", f"{i:04d}.png"))
             x, y = 8 + i % 2 * 40, 8 + i // 2 * 44
             for row in range(24):
@@ -135,7 +135,7 @@ class Pictures(support.Case):
         self.assertEqual(*(pathlib.Path(self.path(name)).read_bytes() for name in ("a.webp", "a again.webp")))
 
     def cameras(self, *sizes, **changes):
-        """-> the path of our cameras.json: one camera of each size, named like the shots of a folder."""
+        """Writes our cameras.json with one camera for each size, named like the pictures of a folder. Returns its path."""
         path = self.path("cameras.json")
         with open(path, "w") as f:
             json.dump([{"file": f"shots/{name}.jpg", "w": w, "h": h, "fx": 30, "fy": 30, "cx": w / 2, "cy": h / 2, **changes,
@@ -159,7 +159,7 @@ class Pictures(support.Case):
         result, err = self.compared()
         self.assertEqual([p["reference"] for p in result["pictures"]], [self.path("given", f"{i:04d}.png") for i in range(3)])
         for row in [result, *result["pictures"]]:
-            self.assertGreater(row["psnr"], 55)                         # the file is rounded to 8 bits, what is compared is not
+            self.assertGreater(row["psnr"], 55)                         # the file is rounded to 8 bits, the drawn picture is not
             self.assertGreater(row["ssim"], 0.999)
             self.assertLessEqual(row["ssim"], 1)
         for word in ("PSNR", "SSIM", "mean", "0002"):
@@ -186,7 +186,7 @@ class Pictures(support.Case):
     def test_larger_references_are_scaled_down(self):
         cameras = self.cameras((64, 48), (64, 48))
         os.makedirs(self.path("given"))
-        for name in "ab":                                               # stripes of two pixels, whose mean is what is drawn
+        for name in "ab":                                               # stripes of two pixels, whose mean is the drawn value
             support.write_png(self.path("given", name + ".png"), 64, 48, [[(254 if x % 4 < 2 else 0,) * 3 for x in range(64)]] * 48)
         support.write_scene(self.path("scene.ply"), [])
         how = {"cameras": cameras, "size": "16x12"}
@@ -204,12 +204,12 @@ class Pictures(support.Case):
             self.assertEqual(tuple(support.read_png(self.path("x", "0000.png"))[2][:3]), colour)
 
     def test_transparent_background(self):
-        """What is in the file, over a colour, is what is drawn over it."""
+        """The file's picture, composited over a colour, equals the picture drawn over that colour."""
         self.succeeds(*self.render("--images", self.path("x"), "--background", "transparent", "--sheet", self.path("x.png")))
         self.succeeds(*self.render("--images", self.path("y"), "--background", "#20c0ff"))
         self.succeeds(*self.render("--images", self.path("z"), "--sheet", self.path("z.png")))
         sheets = [support.read_png(self.path(name))[2] for name in ("x.png", "z.png")]
-        self.assertLessEqual(max(abs(a - b) for a, b in zip(*sheets)), 1)   # sheets have white where there is nothing
+        self.assertLessEqual(max(abs(a - b) for a, b in zip(*sheets)), 1)   # sheets are white where nothing is drawn
         seen = set()
         for i in range(3):
             own, drawn = (support.read_png(self.path(name, f"{i:04d}.png"))[2] for name in "xy")
@@ -223,7 +223,7 @@ class Pictures(support.Case):
         self.assertGreater(len(seen), 20)
 
     def test_cameras_are_written(self):
-        """As a set of posed views with the pictures, from which the same pictures are drawn again."""
+        """Cameras and pictures together form a set of posed views, from which the same pictures are drawn again."""
         out, _ = self.succeeds(*self.render("--images", self.path("set", "images"), "--write-cameras", self.path("set", "cameras.json"), "--json"))
         self.assertEqual(json.loads(out)["cameras"], self.path("set", "cameras.json"))
         self.succeeds(*self.render("--images", self.path("again"), cameras=self.path("set"), size=None))
@@ -248,7 +248,7 @@ class Pictures(support.Case):
         self.succeeds(*drawn(3, "--overwrite"))
         self.assertEqual(sorted(os.listdir(self.path("x"))), ["0000.png", "0001.png", "0002.png", "0009.png", "notes.txt"])
         self.assertEqual(sorted(os.listdir(self.path("off"))), ["0000.png", "0001.png", "0002.png"])
-        self.assertEqual(len(os.listdir(self.path("given"))), 7)        # what is read is left alone
+        self.assertEqual(len(os.listdir(self.path("given"))), 7)        # inputs stay unchanged
 
     def test_equal_and_tiny_pictures(self):
         support.write_scene(self.path("scene.ply"), [])
@@ -269,7 +269,7 @@ class Pictures(support.Case):
             json.dump({"fl_x": 20, "w": 16, "h": 16, "frames": [frame]}, f)
         how = {"folder": "photos", "cameras": self.path("photos"), "size": None}
         result, _ = self.compared("--background", "0,0,1", **how)
-        self.assertIsNone(result["psnr"])                               # all of it is the background
+        self.assertIsNone(result["psnr"])                               # everything is background
         result, _ = self.compared("--background", "0,1,1", **how)
         self.assertAlmostEqual(result["psnr"], -10 * math.log10(1 / 6), places=4)
         support.write_png(self.path("photos", "masks", "a.png"), 8, 16, [[(0, 0, 0)] * 8] * 16)

@@ -1,14 +1,14 @@
-"""--precision: mixed is told, gives the same bytes each time and pictures like fp32's, and is refused where it cannot be had."""
+"""--precision: mixed is reported, gives the same bytes each time and pictures like fp32's, and is refused if it is not available."""
 import json
 
 import support
 
-EMULATED = {"VSPLAT_MATRIX": "emulated", "VSPLAT_MATRIX_LEAST": "1"}  # products of a small model, too
+EMULATED = {"VSPLAT_MATRIX": "emulated", "VSPLAT_MATRIX_LEAST": "1"}  # also for products of a small model
 
 
 class Precision(support.Case):
     def reconstructed(self, name, *more, env=EMULATED):
-        """-> the scene's bytes, stdout, stderr"""
+        """Returns the scene's bytes, stdout and stderr."""
         out, err = self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path(name), "--json", *more, env=env)
         with open(self.path(name), "rb") as scene:
             return scene.read(), json.loads(out), err
@@ -42,7 +42,7 @@ class Precision(support.Case):
                      "--output", self.path("run"), "--precision", "mixed")
 
     def test_units_that_do_not_work_are_left_out_and_remembered(self):
-        """Asked for by name on a device that has none: their test fails, is told once, and the emulated ones multiply."""
+        """Units requested by name on a device that lacks them: their test fails, is reported once, and the emulated ones are used."""
         env = {**EMULATED, "VSPLAT_MATRIX": "wmma", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
         scene, told, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
         if told["matrix_unit"] == "wmma":
@@ -56,7 +56,7 @@ class Precision(support.Case):
         self.refuses(2, ["VSPLAT_MATRIX", "tensor"], *self.reconstruct("--precision", "mixed"), env={"VSPLAT_MATRIX": "tensor"})
 
     def test_a_driver_that_crashes_in_their_test_does_so_once(self):
-        """PoCL's compiler ends the process over NVIDIA's instructions; wherever it does not, they do not compile, or work."""
+        """PoCL's compiler ends the process on NVIDIA's instructions; on other drivers they either do not compile, or work."""
         env = {**EMULATED, "VSPLAT_MATRIX": "ptx", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
         support.run(*self.reconstruct("--precision", "mixed"), env=env)
         _, told, err = self.reconstructed("one.ply", "--precision", "mixed", "--verbose", env=env)

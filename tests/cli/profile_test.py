@@ -1,4 +1,4 @@
-"""Profiles of whole runs: a cold one, whose kernels are compiled, and a warm one, against the clock outside."""
+"""Profiles of whole runs, a cold one, which compiles kernels, and a warm one, compared with a clock outside."""
 import json
 import os
 import re
@@ -10,13 +10,13 @@ import unittest
 import support
 
 PARTS = ("device_s", "upload_s", "compile_s", "file_s", "wait_s", "host_s", "other_s")
-# Beside 2 % of the wall: starting the process and ending it, which its own clock does not see.
-OUTSIDE = 1.5 if "ASAN_OPTIONS" in os.environ else 0.15  # a sanitizer looks for leaks when all is done
+# In addition to 2 % of the wall time: starting and ending the process, which its own clock does not see.
+OUTSIDE = 1.5 if "ASAN_OPTIONS" in os.environ else 0.15  # a sanitizer searches for leaks at the end
 
 
 class Profile(support.Case):
     def cold(self):
-        """Where nothing is cached."""
+        """With empty caches."""
         return {"HOME": self.path("home"), "XDG_CACHE_HOME": self.path("home"), "POCL_CACHE_DIR": self.path("pocl"),
                 "VSPLAT_CACHE_DIR": self.path("kernels")}
 
@@ -25,7 +25,7 @@ class Profile(support.Case):
             return f.read()
 
     def run_timed(self, name, env, *more):
-        """-> the profile, seconds outside"""
+        """Returns the profile, and the seconds measured outside."""
         for folder in ("home", "pocl"):
             os.makedirs(self.path(folder), exist_ok=True)
         begun = time.monotonic()
@@ -112,7 +112,7 @@ class Profile(support.Case):
 
     def test_names_of_strangers_end_no_element(self):
         os.rename(self.path("views"), self.path("x<"))
-        os.rename(self.path("x<", "transforms.json"), self.path("x<", "script><b>.json"))  # its path has </script> in it
+        os.rename(self.path("x<", "transforms.json"), self.path("x<", "script><b>.json"))  # its path contains </script>
         self.succeeds("reconstruct", self.path("x<", "script><b>.json"), "--model", self.model, "--output", self.path("s.ply"), "--profile",
                       self.path("p.html"))
         page = self.read("p.html").decode()
@@ -145,7 +145,7 @@ class Profile(support.Case):
 
 
 class Diff(unittest.TestCase):
-    """Of profiles made up here."""
+    """Of profiles made here."""
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="vsplat-cli-")
         self.addCleanup(shutil.rmtree, self.folder, True)

@@ -1,4 +1,4 @@
-"""Several processes, as mpirun starts them: what they make together is what one makes."""
+"""Several processes, as mpirun starts them, give the same results as one."""
 import glob
 import json
 import os
@@ -16,7 +16,7 @@ LAUNCH = ["mpirun", "--oversubscribe", "--allow-run-as-root", "--mca", "btl_vade
 
 
 def ranks(count, *arguments, env=None):
-    """-> exit code, stdout, stderr"""
+    """Returns exit code, stdout and stderr."""
     done = subprocess.run([*LAUNCH, "-n", str(count), support.VSPLAT, *map(str, arguments)], capture_output=True, text=True, errors="backslashreplace",
                           timeout=support.PATIENCE, env={**os.environ, "OMP_NUM_THREADS": "1", **(env or {})}, stdin=subprocess.DEVNULL)
     return done.returncode, done.stdout, done.stderr
@@ -34,7 +34,7 @@ class Ranks(train_support.Case):
         self.succeeds(*self.train(config, "one"))
         for count in (2, 4):
             _, err = self.together(count, *self.train(config, f"ranks{count}"))
-            self.assertEqual(err.count("at most"), 1, err)  # one of them tells
+            self.assertEqual(err.count("at most"), 1, err)  # only one of them reports it
             self.same_training("one", f"ranks{count}", 6)
 
     def test_resumed_on_another_number(self):
@@ -95,11 +95,11 @@ class Ranks(train_support.Case):
             self.assertTrue(line)
         started.send_signal(signal.SIGINT)
         started.communicate(timeout=support.PATIENCE)
-        self.assertIn(f"going on from step {steps}", line)  # the last one is whole
+        self.assertIn(f"going on from step {steps}", line)  # the last checkpoint is complete
 
     @support.slow
     def test_an_evaluation_is_the_same(self):
-        """In the quick tests: a list, whose objects are shared by the same means."""
+        """In the quick tests: a list, whose objects are shared in the same way."""
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
         arguments = ("evaluate", self.solids, "--model", model, "--json")

@@ -1,5 +1,5 @@
-"""The process in which meshes and HDF5 are read: what is said where it is missing, crashes or talks nonsense, that it goes with the
-command, and that damaged files end in an error, whatever they do to it."""
+"""The process that reads meshes and HDF5: the errors if it is missing, crashes or sends nonsense; it ends with the command; and damaged
+files end in an error, whatever they do to it."""
 import os
 import random
 import shutil
@@ -13,7 +13,7 @@ LIBRARY = os.environ["VSPLAT_LIBRARY"]
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 PLY = ("ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 4\n"
        "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n")
-# What made the process wait for ever, or crash.
+# Inputs that once made the process hang or crash.
 WAITS = b"ply\nformat ascii 1.0\n"
 CRASHES = b"ply\nformat ascii 1.0\nelemant ve" + bytes.fromhex(
     "0000008020330a70000000000000000100000000000000000000000000803f0000000000000000000000000000803f0000000004000000000000000000803f000000000000")
@@ -41,7 +41,7 @@ class MeshCase(support.Case):
         return ("dataset", "render", *meshes, "--output", self.path("set"), "--views", 1, "--size", 16, "--overwrite", "--quiet")
 
     def damage(self, seed, times):
-        """Bits, bytes and ends changed: each ends in a line of ours that names the file, or in a data set."""
+        """Changed bits, bytes and ends: each gives one of our errors that names the file, or a data set."""
         turn = random.Random(seed)
         for name, text in (("a.obj", OBJ), ("a.ply", PLY)):
             for _ in range(times):
@@ -58,7 +58,7 @@ class MeshCase(support.Case):
 
 class Reader(MeshCase):
     def moved(self):
-        """The library in another place, without its program. -> the environment, where the program would be"""
+        """The library in another place, without its program. Returns the environment, and the place where the program is expected."""
         os.makedirs(self.path("lib"))
         name = os.path.basename(os.path.realpath(LIBRARY))
         shutil.copy(LIBRARY, self.path("lib", name))
@@ -92,7 +92,7 @@ class Reader(MeshCase):
             self.refuses(1, [name, ".obj, .ply, .stl, .gltf and .glb"], *self.render(self.put(name, OBJ)))
 
     def test_it_goes_with_the_command(self):
-        """Killed, the command leaves no process behind, though nobody told it."""
+        """If the command is killed, its process ends, although nothing tells it to."""
         corners = "".join(f"v {i % 300} {i // 300} {i % 7}\n" for i in range(90000))
         mesh = self.put("a.obj", corners + "".join(f"f {i + 1} {i + 2} {i + 302}\n" for i in range(89000)) * 3)
         command = subprocess.Popen([support.VSPLAT, *map(str, self.render(mesh))], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

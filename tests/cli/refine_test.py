@@ -1,4 +1,4 @@
-"""vsplat refine: scenes moved towards pictures; what it says of itself, what it refuses, the same bytes twice."""
+"""vsplat refine: scenes fitted to pictures; its reports, what it refuses, and equal bytes in two runs."""
 import csv
 import json
 import math
@@ -19,7 +19,7 @@ NUMERICS = ["tuning", "precision", "switched_off"]
 
 
 def quaternion(r):
-    """w x y z of a rotation."""
+    """Returns w x y z of a rotation."""
     w = math.sqrt(max(0.0, 1 + r[0][0] + r[1][1] + r[2][2])) / 2
     x = math.copysign(math.sqrt(max(0.0, 1 + r[0][0] - r[1][1] - r[2][2])) / 2, r[2][1] - r[1][2])
     y = math.copysign(math.sqrt(max(0.0, 1 - r[0][0] + r[1][1] - r[2][2])) / 2, r[0][2] - r[2][0])
@@ -80,7 +80,7 @@ class Refine(support.Case):
 
     def test_the_start_is_returned_where_nothing_makes_it_better(self):
         self.succeeds(*self.refine("--holdout", "@0", "--steps", 150, output="good.ply"))
-        # Towards pictures whose colours are all turned round, judged by one that is as it was.
+        # Fits to pictures with permuted colours, measured on an unchanged one.
         for name in sorted(os.listdir(os.path.join(self.photos, "images")))[1:]:
             path = os.path.join(self.photos, "images", name)
             width, height, data = support.read_png(path)
@@ -151,7 +151,7 @@ class Refine(support.Case):
             z = [-frame["transform_matrix"][k][2] for k in range(3)]  # OpenGL looks along -z
             agree = sum(a * b for a, b in zip(camera["w2c"][2][:3], z))
             self.assertGreater(agree, 0.999)
-            self.assertEqual(agree > 1 - 1e-12, i == 0, i)  # what judges stays
+            self.assertEqual(agree > 1 - 1e-12, i == 0, i)  # held-out views do not move
         self.succeeds("render", self.path("out.ply"), "--cameras", told["poses"], "--images", self.path("x"))
 
     def test_resumed_it_ends_with_the_same_bytes(self):
@@ -169,7 +169,7 @@ class Refine(support.Case):
         self.refuses(2, "--resume needs --checkpoint", *self.refine("--resume", output="x.ply"))
 
     def test_killed_at_any_moment(self):
-        """With each view left out in turn, poses and exposure: whatever is lost is made again, to the same bytes."""
+        """With each view left out in turn, poses and exposure: results that are lost are computed again, with the same bytes."""
         more = ("--steps", 50, "--seed", 3, "--poses", "--exposure")
         begun = time.monotonic()
         self.succeeds(*self.refine(*more))
@@ -182,7 +182,7 @@ class Refine(support.Case):
             try:
                 err = process.communicate(timeout=moments.uniform(0, seconds))[1]
                 self.assertEqual(process.returncode, 0, err)
-                shutil.rmtree(self.path("state"))  # it came to its end: begin again
+                shutil.rmtree(self.path("state"))  # it had finished: begin again
                 os.remove(self.path("again.ply"))
                 os.remove(self.path("again.poses.json"))
             except subprocess.TimeoutExpired:
@@ -195,7 +195,7 @@ class Refine(support.Case):
         self.assertFalse([name for name in os.listdir(self.path("state")) if name.endswith(".tmp")])
 
     def test_what_the_network_makes_stays_whatever_ends_refining(self):
-        """reconstruct --refine writes it first: killed, interrupted or out of time, it is there."""
+        """reconstruct --refine writes the network's scene first: it exists after a kill, an interrupt or a timeout."""
         def begun(name):
             process = subprocess.Popen([support.VSPLAT, "reconstruct", self.photos, "--model", self.model, "--output", self.path(name), "--refine",
                                         "--refine-steps", "100000", "--render", "orbit:2", "--images", self.path("pictures")],
@@ -222,7 +222,7 @@ class Refine(support.Case):
         self.refuses(2, "--refine-time is", "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--refine", "--time", 0)
 
     def test_the_cube_comes_from_the_points_that_are_read(self):
-        """A list without a cube, beside which a COLMAP model of another world lies (as nerfstudio leaves them)."""
+        """A list without a cube, beside a COLMAP model in another world (as nerfstudio leaves them)."""
         path = os.path.join(self.photos, "transforms.json")
         views = json.load(open(path))
         del views["aabb_center"], views["aabb_half"]

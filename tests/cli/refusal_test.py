@@ -1,4 +1,4 @@
-"""Well-formed requests that cannot be served: exit code 1, a sentence of their own, nothing written."""
+"""Well-formed requests that cannot be served: exit code 1, a specific message, nothing written."""
 import json
 import os
 import pathlib
@@ -48,7 +48,7 @@ class Outputs(support.Case):
 
     @unittest.skipUnless(os.path.exists(POCL), "PoCL is not there")
     def test_a_driver_whose_cache_cannot_be_written(self):
-        """As in a container or a service whose HOME is not its own."""
+        """As in a container or a service whose HOME belongs to another user."""
         for variables, folder in (({"POCL_CACHE_DIR": "/proc/none"}, "/proc/none"),
                                   ({"POCL_CACHE_DIR": None, "XDG_CACHE_HOME": "/proc/none"}, "/proc/none/pocl/kcache"),
                                   ({"POCL_CACHE_DIR": None, "XDG_CACHE_HOME": None, "HOME": "/proc/none"}, "/proc/none/.cache/pocl/kcache")):
@@ -66,7 +66,7 @@ class Outputs(support.Case):
         self.refuses(1, ["memory", "0.0005 GiB"], *self.reconstruct("--max-memory", "0.0005"))
         self.refuses(1, ["memory", "picture"], *self.reconstruct("--render", "orbit:1", "--images", self.path("x"), "--size", "16384x16384",
                                                                  "--max-memory", "0.5"))
-        self.succeeds(*self.reconstruct("--max-memory", "1e300"))           # believed, as far as there are bytes
+        self.succeeds(*self.reconstruct("--max-memory", "1e300"))           # accepted, up to the number of existing bytes
 
 
 class Views(support.Case):
@@ -114,12 +114,12 @@ class Views(support.Case):
     def test_cube_that_is_not_in_view(self):
         self.refuses(1, "behind", *self.reconstruct("--center", "0,0,50"))
         self.refuses(1, "cube", *self.reconstruct("--scale", "5"))                         # a corner is behind a camera
-        self.refuses(1, "cube", *self.reconstruct("--scale", "5", "--force"))              # which --force does not pass
+        self.refuses(1, "cube", *self.reconstruct("--scale", "5", "--force"))              # --force does not allow that
         self.refuses(1, ["w2c"], *self.swapped(), "--center", "0,0,0", "--scale", 1)
         self.refuses(1, ["w2c", "do not meet before them"], "reconstruct", self.path("swapped"), "--view-count", 3, "--model", self.model, "--output", self.path("x.ply"))
 
     def swapped(self):
-        """OpenGL camera-to-world matrices where our cameras.json has OpenCV world-to-camera ones."""
+        """OpenGL camera-to-world matrices in our cameras.json, which has OpenCV world-to-camera ones."""
         os.makedirs(self.path("swapped"))
         cameras = []
         for i in range(3):
@@ -180,7 +180,7 @@ class Scenes(support.Case):
         self.refuses(1, "none.ply", "render", self.path("none.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
 
     def write_scene(self, *rows, count=None, name="scene.ply"):
-        """Gaussians as text. -> bytes of the header"""
+        """Writes Gaussians as text. Returns the number of bytes of the header."""
         names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
         head = (f"ply\nformat ascii 1.0\nelement vertex {len(rows) if count is None else count}\n"
                 + "".join(f"property float {n}\n" for n in names) + "end_header\n")

@@ -1,4 +1,4 @@
-"""vsplat report: one file has what is needed to find a defect, and nothing that names a person or a machine."""
+"""vsplat report: one file with everything needed to find a defect, and nothing that identifies a person or a machine."""
 import json
 import os
 import re
@@ -24,7 +24,7 @@ class Report(support.Case):
                     "LD_LIBRARY_PATH": f"{self.home}/lib:/home/somebody/lib:" + os.environ.get("LD_LIBRARY_PATH", "")}
 
     def report(self, *more, env=None):
-        """-> what is in the file, its text"""
+        """Returns the file's JSON and its text."""
         path = self.path("report.json")
         _, err = self.succeeds("report", "--output", path, "--overwrite", *more, env={**self.env, **(env or {})})
         with open(path) as f:
@@ -57,7 +57,7 @@ class Report(support.Case):
         self.assertEqual(told["environment"]["VSPLAT_CACHE_DIR"], "~/kept")
         self.assertTrue(told["environment"]["LD_LIBRARY_PATH"].startswith("~/lib:/home/USER/lib:"))
         self.assertEqual(told["doctor"]["caches"][0]["path"], "~/kept")
-        # The standard run, on the device that would be taken, with its profile; and the peaks that it measured are kept.
+        # The standard run on the default device, with its profile; the peaks that it measured are included.
         device = told["device"]
         self.assertIn(device["name"], [d["name"] for d in told["doctor"]["devices"]])
         self.assertGreater(told["run"]["check"]["psnr"], told["run"]["check"]["psnr_nearest"])
@@ -88,7 +88,7 @@ class Report(support.Case):
         self.impersonal(text)
 
     def test_nothing_else_of_the_environment_and_the_folder(self):
-        """Variables with secrets are named as those that are told; the cache's folder may be a folder with others in it."""
+        """Variables with secrets have names similar to reported ones; the cache folder may contain other files."""
         os.makedirs(os.path.join(self.cache, "foreign"))
         for name in ("foreign/credentials.json", "credentials.json", "verdicts/credentials.txt", "credentials.bin"):
             self.keep(name, 'vsplat-kernel-2\n{"access_token": "hunter2"}' if name.endswith("bin") else '{"access_token": "hunter2"}')
