@@ -1,4 +1,4 @@
-"""Requests that are served: what is written, where, and that it fits together."""
+"""Requests that succeed: which files are written, where, and that they are consistent."""
 import json
 import os
 
@@ -54,7 +54,7 @@ class Run(support.Case):
             self.assertGreaterEqual(support.psnr(first[2], second[2]), 60)
 
     def test_up_goes_along_with_the_scene(self):
-        """z-up cameras: the scene tells, and render's orbit stands upright without an option."""
+        """z-up cameras: the scene states its up direction, and render's orbit is upright without an option."""
         def z_up(data):
             for frame in data["frames"]:                                # y to z, z to -y
                 x, y, z, w = frame["transform_matrix"]
@@ -69,7 +69,7 @@ class Run(support.Case):
             self.assertNotIn("--up", err)
             for up in ups("own.json") + ups("drawn.json"):
                 self.assertGreater(sum(a * b for a, b in zip(up, expected)), 0.99)
-        self.succeeds(*self.reconstruct("--overwrite", "--up", "0,-2,0"))   # what is asked for wins
+        self.succeeds(*self.reconstruct("--overwrite", "--up", "0,-2,0"))   # the requested direction wins
         self.assertIn(b"comment vsplat up 0 -1 0\n", self.read("out.ply")[:500].replace(b"-0 ", b"0 "))
 
     def test_pictures_are_512_pixels_wide_unless_told(self):

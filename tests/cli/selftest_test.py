@@ -1,4 +1,4 @@
-"""vsplat selftest: a sound device is found sound, kernels that are made wrong on purpose are found, and what is switched off is not used."""
+"""vsplat selftest: a sound device passes, kernels that are made wrong on purpose are found, and what is switched off is not used."""
 import glob
 import json
 import os
@@ -21,7 +21,7 @@ class SelftestCase(support.Case):
         self.env = {"VSPLAT_CACHE_DIR": self.cache, "VSPLAT_TUNING": "", "VSPLAT_SELFTEST": ""}
 
     def plant(self, *faults):
-        """The kernels in a folder of their own, with one text of a file changed for each fault: the environment of a command that takes these."""
+        """Writes the kernels to a folder, with the text of a file changed for each fault. Returns the environment for a command that uses them."""
         folder = self.path("kernels")
         shutil.copytree(CL, folder)
         for file, before, after in faults:
@@ -39,7 +39,7 @@ class SelftestCase(support.Case):
         return json.loads(out), err
 
     def numbers(self, path):
-        """Of a binary PLY, all of it."""
+        """Returns the number of bytes of a binary PLY."""
         with open(path, "rb") as f:
             data = f.read()
         body = data[data.index(b"end_header\n") + 11:]
@@ -49,7 +49,7 @@ class SelftestCase(support.Case):
         return [f for _, _, files in os.walk(os.path.join(self.cache, "selftests")) for f in files]
 
     def scene(self, model, name, env, *more):
-        """-> the numbers of the scene, what was said"""
+        """Returns the scene's numbers and the messages."""
         output = self.path(name + ".ply")
         _, err = self.succeeds("reconstruct", self.views, "--model", model, "--output", output, *more, env=env)
         return self.numbers(output), err
@@ -61,7 +61,7 @@ class SelftestCase(support.Case):
         return {k["kernel"] for f in report["flavours"] if f["flavour"] == flavour for k in f["kernels"] if k["verdict"] == "wrong"}
 
     def unusable(self):
-        """-> the environment of kernels of which one is wrong that nothing replaces, found so"""
+        """Returns the environment of kernels with one irreplaceable fault, which a self-test has found."""
         env = self.plant(("decode.cl", "  decode(raw + (long)k * (8 + D + sh_size), (voxel + 0.5f) /",
                           "  decode(raw + (long)k * (8 + D + sh_size), (voxel + 0.501f) /"))
         report, err = self.selftest(1, env)
@@ -87,7 +87,7 @@ class Selftest(SelftestCase):
                 self.assertEqual(kernel["verdict"], "ok", kernel)
                 self.assertGreater(kernel["results"], 0)
                 self.assertLessEqual(kernel["error"], kernel["tolerance"], kernel)
-            # Whatever a job launches in this flavour has been tested in it.
+            # Every kernel that a job launches in this flavour has been tested in it.
             for model in (self.model, self.path("lara.safetensors")):
                 listed = json.loads(self.succeeds("kernels", "--model", model, "--no-build", "--json", "--flavour", flavour["flavour"])[0])
                 launched = {(p["name"], k["name"]) for p in listed for k in p["about"] if k["launches"]}
@@ -96,8 +96,8 @@ class Selftest(SelftestCase):
         self.assertNotIn("self-test", self.scene(self.model, "sound", self.env)[1])
 
     def test_a_wrong_variant_and_a_wrong_flavour_are_switched_off(self):
-        """A fault in a method of one flavour's, another in the other flavour: one self-test tells them apart."""
-        wide = self.path("wide.safetensors")  # as many channels as Winograd's method wants
+        """A fault in a method of one flavour, and another in the other flavour: one self-test distinguishes them."""
+        wide = self.path("wide.safetensors")  # as many channels as Winograd's method needs
         self.succeeds("init", "micro", "--seed", 3, "--set", "volume_ch=32", "--output", wide)
         cpu = ("--kernels", "cpu")
         sound_wide, _ = self.scene(wide, "sound-wide", self.env, *cpu)
@@ -108,8 +108,8 @@ class Selftest(SelftestCase):
         self.assertGreater(self.difference(sound_wide, self.scene(wide, "before", env, *cpu)[0]), 1e-4, "the fault does nothing")
         report, _ = self.selftest(0, env)
         self.assertEqual((report["verdict"], set(report["off"])), ("degraded", {"winograd", "gpu"}))
-        self.assertEqual(self.wrong(report, "cpu"), {"winograd_forward_pack", "winograd_forward_tile"})  # two that make one result
-        # Weights are packed on the device, by the kernel with the fault: who multiplies by them is as wrong.
+        self.assertEqual(self.wrong(report, "cpu"), {"winograd_forward_pack", "winograd_forward_tile"})  # both contribute to one result
+        # The kernel with the fault packs weights on the device, so the kernels that multiply by them are wrong, too.
         self.assertEqual(self.wrong(report, "gpu"), {"gemm_pack_plain", "gemm_tile_gpu", "gemm_matrix_gpu"})
         self.assertEqual([f["usable"] for f in report["flavours"]], [True, False])
         # Listing devices reports it as well.
@@ -131,11 +131,11 @@ class Selftest(SelftestCase):
         self.assertEqual(now, sound, "not the cpu kernels' scene")
         self.refuses(1, ["gpu kernels were asked for by name", "self-test", "VSPLAT_SELFTEST=ignore"], *self.reconstruct("--kernels", "gpu"), env=env)
         self.assertIn("gpu kernels", self.scene(self.model, "all the same", {**env, "VSPLAT_SELFTEST": "ignore"}, "--kernels", "gpu")[1])
-        # The verdict is of those kernels: the library's own are not affected.
+        # The verdict applies to those kernels; the library's own are not affected.
         self.assertNotIn("self-test", self.scene(wide, "others", self.env, *cpu)[1])
 
     def test_a_driver_that_crashes_does_not_end_it(self):
-        """A kernel of one method ends the process, another all of a flavour's products."""
+        """A kernel of one method ends the process; another breaks all products of a flavour."""
         crash = "*(volatile global int*)16 = 0;"
         env = self.plant(("conv3d_winograd.cl", "      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)\n",
                           "      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)\n      if (i == 7) " + crash + "\n"),
@@ -155,7 +155,7 @@ class Selftest(SelftestCase):
         self.assertEqual(now, self.scene(self.model, "sound", self.env, "--kernels", "cpu")[0])
 
     def test_a_process_that_is_killed_tells_nothing_of_the_device(self):
-        """As where memory is short."""
+        """As if memory were short."""
         started = subprocess.Popen([support.VSPLAT, "selftest", "--quick"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **self.env})
         while started.poll() is None and not self.journals():
             time.sleep(0.01)
@@ -177,13 +177,13 @@ class Selftest(SelftestCase):
 
     @support.slow
     def test_a_wrong_tuned_variant_is_taken_out_of_the_table(self):
-        """Half of the products, in every loop of one unrolling, which a table chooses that was right once. In the quick tests:
+        """Half of the products are wrong in every loop of one unrolling, which a table chose when it was right. In the quick tests:
         SelftestErrors.ATableIsTriedWithItsOwnFlavour."""
         gpu = ("--kernels", "gpu")
         sound, _ = self.scene(self.model, "sound", self.env, *gpu)
         loop = "  TILE_UNROLL\n  for (int s = 0; s < BK; ++s) {\n"
         env = self.plant(("tile_gpu.clh", loop, "#if defined(UNROLL) && UNROLL == 2\n  for (int s = 0; s < BK / 8; ++s) {\n#else\n" + loop + "#endif\n"))
-        # A table that nothing has been found for yet, and the shapes that the network has: searching would take as long as this machine likes.
+        # A table without findings so far, with the network's shapes: a search would take too long on a slow machine.
         told = json.loads(self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--json", *gpu, env=env)[0])
         shape = next(one["shape"] for one in told["shapes"] if one["op"] == "conv3d")
         [path] = tables(self.cache)
@@ -210,12 +210,12 @@ class Selftest(SelftestCase):
         """In the quick tests: VerdictTest.AnUnusableDeviceIsRefusedButWhereItIsIgnored."""
         env = self.unusable()
         self.assertNotIn("self-test", self.scene(self.model, "ignored", {**env, "VSPLAT_SELFTEST": "ignore"})[1])
-        # A kernel that is mended is another one.
+        # A repaired kernel is a different kernel.
         self.scene(self.model, "sound", self.env)
 
     @support.slow
     def test_kernels_at_hand_leave_nothing_behind(self):
-        """Where there is no cache. In the quick tests: VerdictTest, where there is one."""
+        """Without a cache. In the quick tests, with a cache: VerdictTest."""
         folder = self.path("kernels")
         shutil.copytree(CL, folder)
         home = self.path("home")

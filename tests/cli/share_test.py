@@ -1,4 +1,4 @@
-"""Several devices at once: what they make is what one makes, to the byte, and lists of objects lose nothing."""
+"""Several devices at once: the results equal those of one device, to the byte, and lists of objects lose nothing."""
 import json
 import os
 import pathlib
@@ -25,7 +25,7 @@ class Share(support.Case):
         return {name: pathlib.Path(folder, name).read_bytes() for name in sorted(os.listdir(folder))}
 
     def equal(self, run, env=TWO):
-        """run(devices, folder) -> arguments; -> what stderr told of both devices"""
+        """run(devices, folder) returns arguments. Returns what stderr says about both devices."""
         for folder, devices in (("one", "0"), ("two", "0,1"), ("all", "all")):
             _, err = self.succeeds(*run(devices, folder), env=env)
         self.assertIn("device 0:", err)
@@ -44,7 +44,7 @@ class Share(support.Case):
 
     @support.slow
     def test_scores_are_the_same(self):
-        """In the quick tests: a list and pictures, which are shared by the same means."""
+        """In the quick tests: a list and pictures, which are shared in the same way."""
         self.succeeds("dataset", "procedural", "--count", 5, "--solids", "--output", self.path("set"), "--views", 9, "--size", self.SIDE, "--seed", 4)
         arguments = ("evaluate", self.path("set"), "--model", self.model, "--json")
         one, _ = self.succeeds(*arguments, "--sheet", self.path("one.png"), "-d", "0", env=TWO)
@@ -126,7 +126,7 @@ class Share(support.Case):
         self.assertIn("missing", err)
         self.assertEqual(list(self.files("out")), ["object0.ply", "object2.ply", "object3.ply"])
         self.assertEqual(["error" in o for o in json.loads(out)["objects"]], [False, True, False, False, True])
-        # Mended, the rest alone is made.
+        # After the repair, only the rest is computed.
         before = os.stat(self.path("out", "object0.ply")).st_mtime_ns
         support.shutil.rmtree(objects[1])
         self.make_views("object1")
@@ -142,7 +142,7 @@ class Share(support.Case):
     def test_a_picture_beyond_memory_is_its_objects_trouble(self):
         objects = self.listed(3)
         big = os.path.join(objects[1], "images", "0.png")
-        with open(big, "wb") as f:  # interlaced: all of it is held at once
+        with open(big, "wb") as f:  # interlaced: the whole picture is in memory at once
             f.write(pictures.png(9000, 9000, pictures.zeros(pictures.interlaced_rows(9000, 9000, 8, 2)), interlaced=1))
         with open(os.path.join(objects[1], "transforms.json")) as f:
             listed = json.load(f)
@@ -168,7 +168,7 @@ class Share(support.Case):
         self.assertIn("--skip-existing goes on", err)
         made = self.files("out")
         self.assertTrue(6 <= len(made) < 4000, len(made))
-        self.assertEqual(len(set(made.values())), 1)  # whole ones
+        self.assertEqual(len(set(made.values())), 1)  # complete files
 
     def test_refusals(self):
         two = self.write_list([self.views, self.views])
@@ -213,7 +213,7 @@ class Train(train_support.Case):
 
     @support.slow
     def test_two_platforms_keep_their_parts(self):
-        """In the quick tests: two devices of one platform, whose parts are shared by the same means."""
+        """In the quick tests: two devices of one platform, which share shards in the same way."""
         if len({device["platform"] for device in json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])}) < 2:
             self.skipTest("there is one platform")
         config = self.config(batch=4, parts=4, steps=6, checkpoint_every=3)

@@ -1,5 +1,5 @@
-"""Files of strangers: what they name is read below its folder alone, what they hold ends in an error that names file and field, and
-nothing of it acts on a terminal."""
+"""Untrusted files: files that they name are read only below their folder, invalid content gives an error that names file and field, and
+nothing in them affects a terminal."""
 import json
 import os
 import pathlib
@@ -26,7 +26,7 @@ class Outside(support.Case):
         os.remove(self.path("out.ply"))
 
     def test_pictures(self):
-        os.remove(self.path("views", "images", "0.png"))  # which would be taken for it: it has the name, and lies inside
+        os.remove(self.path("views", "images", "0.png"))  # it would be found instead: it has the name, and is inside the folder
         for name in ("../elsewhere/0.png", self.path("elsewhere", "0.png"), "images/../../elsewhere/0.png"):
             self.first(file_path=name)
             self.refused("its picture", "elsewhere/0.png")
@@ -50,7 +50,7 @@ class Outside(support.Case):
         self.refuses(1, ["pipe.png"], *self.reconstruct())
 
     def test_folders_that_are_given(self):
-        """A data set's folder, a COLMAP model's pictures."""
+        """A data set's folder, and a COLMAP model's pictures."""
         os.makedirs(self.path("set", "shared"))
         shutil.copytree(self.path("views"), self.path("set", "object"))
         shutil.copy(self.path("elsewhere", "0.png"), self.path("set", "shared", "0.png"))
@@ -62,7 +62,7 @@ class Outside(support.Case):
         self.assertEqual(code, 1)
         self.assertIn("outside", out)
         self.succeeds("dataset", "info", self.path("set", "object"), "--allow-outside")
-        # Cameras alone need no picture.
+        # Target cameras need no picture.
         support.write_scene(self.path("s.ply"), [((0, 0, 0), (1, 0, 0), 0.1, 0.9)])
         self.succeeds("render", self.path("s.ply"), "--cameras", self.views, "--images", self.path("x"))
         os.makedirs(self.path("given"))

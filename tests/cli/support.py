@@ -1,4 +1,4 @@
-"""What the tests of the command line share: running it, pictures, posed views. Python's standard library only."""
+"""Shared by the tests of the command line: running it, pictures, posed views. Uses only Python's standard library."""
 import json
 import math
 import os
@@ -12,14 +12,14 @@ import unittest
 import zlib
 
 VSPLAT = os.environ["VSPLAT"]
-os.environ.setdefault("VSPLAT_TUNING", "off")  # no table that this machine may have
-os.environ.setdefault("VSPLAT_SELFTEST", "ignore")  # and no verdict
-# Seconds after which a command counts as one that hangs; several times as many under sanitizers.
+os.environ.setdefault("VSPLAT_TUNING", "off")  # ignores a table of this machine
+os.environ.setdefault("VSPLAT_SELFTEST", "ignore")  # and its verdicts
+# A command that runs longer than this, in seconds, counts as hanging; several times as long with sanitizers.
 PATIENCE = 280 * int(os.environ.get("VSPLAT_PATIENCE", "1"))
 
 
 def run(*arguments, env=None, cwd=None):
-    """-> exit code, stdout, stderr."""
+    """Returns exit code, stdout and stderr."""
     done = subprocess.run([VSPLAT, *map(str, arguments)], capture_output=True, text=True, errors="backslashreplace", cwd=cwd, timeout=PATIENCE,
                           env={**os.environ, **(env or {})})
     return done.returncode, done.stdout, done.stderr
@@ -35,7 +35,7 @@ def write_png(path, width, height, rows):
 
 
 def read_png(path):
-    """-> width, height, the bytes of all pixels (8-bit RGB or RGBA)."""
+    """Returns width, height, and the bytes of all pixels (8-bit RGB or RGBA)."""
     with open(path, "rb") as file:
         data = file.read()
     assert data[:8] == b"\x89PNG\r\n\x1a\n", path
@@ -64,7 +64,7 @@ def read_png(path):
 
 
 def write_scene(path, splats):
-    """splats: (x, y, z), (r, g, b), standard deviation, opacity each: round ones without view-dependent colour."""
+    """splats: (x, y, z), (r, g, b), standard deviation and opacity of each; isotropic, without view-dependent colour."""
     names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(splats)}\n" + "".join(f"property float {n}\n" for n in names) + "end_header\n"
     with open(path, "wb") as f:
@@ -86,7 +86,7 @@ def camera_to_world(azimuth, distance=2.0, centre=(0.0, 0.0, 0.0)):
 
 
 class Case(unittest.TestCase):
-    """Each test in a folder of its own, with `model.safetensors` (micro) and posed views beside each other."""
+    """Runs each test in a folder of its own with `model.safetensors` (micro) and posed views."""
     SIDE = 16
 
     def setUp(self):
@@ -101,7 +101,7 @@ class Case(unittest.TestCase):
         return os.path.join(self.folder, *parts)
 
     def make_views(self, name="views", count=3, centre=(0.0, 0.0, 0.0), **changes):
-        """changes: top-level fields of the transforms.json. -> its path"""
+        """changes: top-level fields of the transforms.json. Returns its path."""
         os.makedirs(self.path(name, "images"))
         frames = []
         for i in range(count):
@@ -127,11 +127,11 @@ class Case(unittest.TestCase):
                 out[os.path.join(root, name)] = None
             for name in files:
                 path = os.path.join(root, name)
-                out[path] = pathlib.Path(path).read_bytes() if os.path.isfile(path) else "no file"  # reading a pipe would wait
+                out[path] = pathlib.Path(path).read_bytes() if os.path.isfile(path) else "no file"  # reading a pipe would block
         return out
 
     def refuses(self, code, words, *arguments, env=None):
-        """Ends with `code`, says all of `words` on stderr, nothing on stdout, and leaves every file as it was."""
+        """Ends with `code`, prints all of `words` on stderr and nothing on stdout, and leaves every file unchanged."""
         before = self.snapshot()
         got, out, err = run(*arguments, env=env)
         self.assertEqual(got, code, err)
@@ -153,13 +153,13 @@ class Case(unittest.TestCase):
 
 
 def slow(test):
-    """A test that the quick ones leave out, whose docstring or comment says what of it they have."""
+    """A test that is not among the quick ones; its docstring or comment names the quick test that covers part of it."""
     test.slow = True
     return test
 
 
 def main():
-    """What is named, a class or one of its tests; or all. Of a class those that are not slow; with --slow those that are."""
+    """Selects what is named, a class or one of its tests, or everything. For a class: the tests that are not slow; with --slow the slow ones."""
     words = [word for word in sys.argv[1:] if word != "--slow"]
     wanted = "--slow" in sys.argv
     kinds = {name: kind for name, kind in vars(sys.modules["__main__"]).items() if isinstance(kind, type) and issubclass(kind, unittest.TestCase)}

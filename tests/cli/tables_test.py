@@ -1,4 +1,4 @@
-"""The tables in examples/tables: each, beside small models and data sets of the named layouts, is planned and made."""
+"""The tables in examples/tables: each is planned and evaluated, with small models and data sets of the named layouts."""
 import json
 import math
 import os
@@ -35,7 +35,7 @@ class Tables(support.Case):
         file.close()
 
     def gso(self, name, views=11):
-        """As LaRa's authors have it: intrinsics of pictures of 512 x 512, pictures by their numbers."""
+        """In the layout of LaRa's authors: intrinsics for pictures of 512 x 512, pictures found by their numbers."""
         os.makedirs(self.path("gso", name))
         frames = []
         for i in range(views):
@@ -75,7 +75,7 @@ class Tables(support.Case):
                     self.assertIn("2 objects" if name == "co3d.json" else "1 object", plan["what"])
                     self.assertGreater(plan["peak_bytes"], 0)
                 self.assertEqual((table["size"], table["lpips"]), (512, "lpips"))
-                json.dump({**table, "size": 64}, open(path, "w"))  # the least that LPIPS takes
+                json.dump({**table, "size": 64}, open(path, "w"))  # the minimum for LPIPS
                 told = json.loads(self.succeeds("evaluate", "--table", path, "--json")[0])["rows"]
                 self.assertEqual([(row["views"], row["system"]) for row in told], [(v["name"], s["name"]) for v in table["views"] for s in table["systems"]])
                 for row in told:

@@ -1,5 +1,5 @@
-"""The tiny configurations, trained for half a minute on two cores, get better at views that they do not see. With seeds 0 to 4 the mean
-of ten steps of VS-Splat's rose by 4.1 to 5.3 dB; LaRa's, with seeds 0 to 2, by 5.7 to 6.1 dB."""
+"""The tiny configurations, trained for half a minute on two cores, improve at views that they do not see. The mean of ten steps rose by 4.1
+to 5.3 dB for VS-Splat with seeds 0 to 4, and by 5.7 to 6.1 dB for LaRa with seeds 0 to 2."""
 import csv
 import json
 import os
@@ -40,7 +40,7 @@ class Learns(Rising):
 
     @support.slow
     def test_psnr_of_lara_rises(self):
-        """In the quick tests: Kernels/LaraTraining and its gradients against PyTorch's."""
+        """In the quick tests: Kernels/LaraTraining, and its gradients against PyTorch's."""
         self.expect_rise({"system": "lara", "base": "tiny"}, 24)
 
 

@@ -1,4 +1,4 @@
-"""The page of a run, and of several: made as the training goes, whole in itself, and never what ends one."""
+"""The page of one run or of several: written during the training, self-contained, and never the cause of a training's end."""
 import json
 import os
 import re
@@ -11,7 +11,7 @@ import train_support
 
 class Report(train_support.Case):
     def page(self, *parts):
-        """What the page has for its script."""
+        """Returns the page's data for its script."""
         text = self.read(*parts).decode()
         self.assertNotRegex(text, r"(?i)<link|<iframe|@import|src=.?http|href=")
         return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S).group(1))
@@ -37,7 +37,7 @@ class Report(train_support.Case):
         self.assertTrue(part["device"] and part["driver"])
 
     def test_while_it_trains_and_after(self):
-        """There is a page before the end, of all stages, and what ends a training makes it again."""
+        """The page exists before the end, covers all stages, and is written again however a training ends."""
         config = self.config(stages=[{"steps": 4}, {"steps": 100000}], checkpoint_every=2)
         process = self.start(*self.train(config, "run"))
         while not os.path.exists(self.path("run", "report.html")) or not os.path.exists(self.path("run", "stage-2", "checkpoint-00000004.safetensors")):
@@ -64,7 +64,7 @@ class Report(train_support.Case):
         self.assertEqual([run["name"] for run in data["runs"]], ["a", "b"])
         self.assertEqual([run["config"]["lr"] for run in data["runs"]], [4e-4, 1e-3])
         self.assertEqual([self.steps(run) for run in data["runs"]], [[1, 2, 3, 4, 5, 6]] * 2)
-        # A run of before, of which there is a log alone; a log that was cut off.
+        # An old run that has only a log; and a log that was cut off.
         for name in ("config.json", "record.json", "report.html"):
             os.remove(self.path("a", name))
         with open(self.path("a", "log.csv"), "a") as f:
@@ -96,12 +96,12 @@ class Report(train_support.Case):
         while not os.path.exists(self.path("broken", "config.json")):
             self.assertIsNone(process.poll())
             time.sleep(0.001)
-        while not os.path.isdir(self.path("broken", "report.html")):  # nothing can be put there
+        while not os.path.isdir(self.path("broken", "report.html")):  # so no page can be written there
             if os.path.exists(self.path("broken", "report.html")):
                 os.remove(self.path("broken", "report.html"))
             try:
                 os.mkdir(self.path("broken", "report.html"))
-            except FileExistsError:  # made in between
+            except FileExistsError:  # the page was written meanwhile
                 pass
         err = process.communicate(timeout=120)[1]
         self.assertEqual(process.returncode, 0, err)

@@ -1,4 +1,4 @@
-"""What the tests of training share: data, configurations, and what a run leaves."""
+"""Shared by the tests of training: data, configurations, and the files of a run."""
 import csv
 import json
 import os
@@ -36,12 +36,12 @@ class Case(support.Case):
             return f.read()
 
     def log(self, run):
-        """The lines of log.csv as dictionaries."""
+        """Returns the lines of log.csv as dictionaries."""
         with open(self.path(run, "log.csv")) as f:
             return list(csv.DictReader(f))
 
     def same_training(self, first, second, step):
-        """Both runs' files of that step are the same bytes, and the logs but for the time they took."""
+        """The files of that step are the same bytes in both runs, and the logs are equal except for times."""
         for name in ("model.safetensors", f"checkpoint-{step:08d}.safetensors"):
             self.assertEqual(self.read(first, name), self.read(second, name), name)
         logs = [[{k: v for k, v in line.items() if k != "seconds"} for line in self.log(run)] for run in (first, second)]

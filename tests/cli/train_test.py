@@ -1,4 +1,4 @@
-"""vsplat train as a user's shell sees it: what it writes, what ends it, and that it goes on as if nothing had happened."""
+"""vsplat train as a user runs it: what it writes, what ends it, and that it continues as if nothing had happened."""
 import array
 import json
 import os
@@ -35,7 +35,7 @@ class Train(train_support.Case):
         self.assertEqual(json.loads(out)["hash"], "ok")
 
     def test_noise_on_poses(self):
-        """The option is the configuration's field; the log of a training with it is another, and the same again."""
+        """The option sets the configuration's field; it changes the log, and two runs give the same log."""
         noise = ("--pose-noise", 0.03)
         self.assertEqual(json.loads(self.succeeds("train", "--print-config", *noise)[0])["pose_noise"], 0.03)
         stages = self.path("stages.json")
@@ -72,12 +72,12 @@ class Train(train_support.Case):
         self.assertNotEqual(self.read("first", "model.safetensors"), self.read("third", "model.safetensors"))
 
     def tensors(self, *parts):
-        """The tensors' bytes of a safetensors file."""
+        """Returns the tensors' bytes of a safetensors file."""
         data = self.read(*parts)
         return data[8 + int.from_bytes(data[:8], "little"):]
 
     def values(self, *parts):
-        """The values of each tensor of a safetensors file of floats, by its name."""
+        """Returns the values of each tensor of a safetensors file of floats, by name."""
         data = self.read(*parts)
         size = 8 + int.from_bytes(data[:8], "little")
         header = json.loads(data[8:size])
@@ -99,8 +99,8 @@ class Train(train_support.Case):
 
     @support.slow
     def test_extended(self):
-        """Two commands give the same bits each time, interrupted or not, and the same as one that knew both. In the quick tests: stages, which end
-        and begin by the same means, and a training that is killed."""
+        """Two commands give the same bits each time, interrupted or not, and the same as one command with both lengths. In the quick tests: stages,
+        which end and begin in the same way, and a training that is killed."""
         config = self.config()
         extend = ("--resume", "--extend", 5)
         for run in ("first", "second"):
@@ -113,7 +113,7 @@ class Train(train_support.Case):
         rates = [float(line["lr"]) for line in self.log("first")]
         self.assertEqual(len(rates), 11)
         self.assertTrue(rates[5] < 1e-12 and rates[6] == max(rates) and rates[10] < 1e-12, rates)
-        # Killed on the way, and continued by the same command; run once more, it finds everything done.
+        # Killed on the way and continued by the same command; run once more, it finds everything done.
         self.succeeds(*self.train(config, "killed"))
         process = self.start(*self.train(config, "killed", *extend))
         while not os.path.exists(self.path("killed", "checkpoint-00000008.safetensors")) and process.poll() is None:
@@ -125,7 +125,7 @@ class Train(train_support.Case):
         _, err = self.succeeds(*self.train(config, "killed", *extend))
         self.assertIn("all 11 steps are done; --extend", err)
         self.same_training("first", "killed", 11)
-        # Without the option it goes on as it was extended; extended again, it has one cosine more.
+        # Without the option it continues as extended before; extended again, it gets another cosine.
         self.succeeds(*self.train(config, "killed", "--resume"))
         self.same_training("first", "killed", 11)
         self.succeeds(*self.train(config, "killed", "--resume", "--extend", "5,4"))
@@ -136,7 +136,7 @@ class Train(train_support.Case):
         self.refuses(2, "--extend", *self.train(config, "first", "--resume", "--extend", 0))
 
     def test_goes_on_with_other_sizes(self):
-        """A model's weights serve other pictures and volumes; what is in units of the cube's edge is scaled."""
+        """A model's weights can be used for other pictures and volumes; values in units of the cube's edge are scaled."""
         self.succeeds(*self.train(self.config(), "small"))
         weights = self.path("small", "model.safetensors")
         larger = self.config("larger.json", lr=1e-30, steps=1, warmup=0, model={"base": "micro", "image": 32, "volume": 8, "views": 3})
@@ -147,12 +147,12 @@ class Train(train_support.Case):
         for name in old:
             self.assertEqual(new[name], [v * 0.5 for v in old[name]] if name == "div_offset" else old[name], name)
         self.succeeds("weights", "convert", weights, "--dtype", "f32", "--view-count", 3, "--output", self.path("counted.safetensors"))
-        self.succeeds(*self.train(larger, "counted", "--init", self.path("counted.safetensors")))  # how many it picks is no weight's business
+        self.succeeds(*self.train(larger, "counted", "--init", self.path("counted.safetensors")))  # no weight depends on the number of views that it picks
         wider = self.config("wider.json", model={"base": "micro", "volume": 8, "volume_ch": 8})
         self.refuses(1, ['found "volume_ch": 4, expected "volume_ch": 8'], *self.train(wider, "run", "--init", weights))
 
     def test_stages(self):
-        """One configuration, sizes that grow: killed in either stage and resumed, the same bytes; so by hand, with --init."""
+        """One configuration with growing sizes: killed in either stage and resumed, the same bytes; also if done by hand with --init."""
         fields = dict(steps=6, stages=[{"steps": 5}, {"lr": 2e-4, "model": {"image": 32, "volume": 8}}])
         config = self.config(**fields)
         _, err = self.succeeds(*self.train(config, "whole"))
@@ -173,13 +173,13 @@ class Train(train_support.Case):
             self.same_training(os.path.join("whole", stage), os.path.join("killed", stage), step)
         self.assertEqual(self.read("whole", "model.safetensors"), self.read("killed", "model.safetensors"))
         self.refuses(2, ["stage-1", "--resume"], *self.train(config, "whole"))
-        # By hand. The seed is one more for each stage.
+        # By hand: the seed increases by one for each stage.
         self.succeeds(*self.train(self.config("one.json", steps=5), "one"))
         self.assertEqual(self.read("one", "model.safetensors"), self.read("whole", "stage-1", "model.safetensors"))
         second = self.config("two.json", seed=1, lr=2e-4, model={"base": "micro", "image": 32, "volume": 8})
         self.succeeds(*self.train(second, "two", "--init", self.path("one", "model.safetensors")))
         self.assertEqual(self.read("two", "model.safetensors"), self.read("whole", "model.safetensors"))
-        # The last stage is what is extended.
+        # An extension applies to the last stage.
         self.succeeds(*self.train(config, "whole", "--resume", "--extend", 3))
         self.assertEqual(int(self.log(os.path.join("whole", "stage-2"))[-1]["step"]), 9)
         wrong = self.config("wrong.json", stages=[{}, {"model": {"sh_degree": 0}}])
@@ -188,8 +188,8 @@ class Train(train_support.Case):
 
     @support.slow
     def test_procedural_objects_while_training(self):
-        """A share of the objects is drawn while training: interrupted and resumed the same bytes; a share of 0 is none; no data are needed for all.
-        In the quick tests: such a share in Ranks.test_training_is_the_same_on_any_number."""
+        """A share of the objects is drawn during training. Interrupted and resumed, the bytes are the same; a share of 0 draws none; a share of 1
+        needs no data. In the quick tests: such a share in Ranks.test_training_is_the_same_on_any_number."""
         os.makedirs(self.path("pictures"))
         support.write_png(self.path("pictures", "paint.png"), 2, 1, [[(250, 0, 0), (0, 0, 250)]])
         textures = ("--textures", self.path("pictures"))
@@ -238,12 +238,12 @@ class Train(train_support.Case):
             try:
                 err = process.communicate(timeout=moments.uniform(0, seconds))[1]
                 self.assertEqual(process.returncode, 0, err)
-                shutil.rmtree(self.path("killed"))  # it came to its end: start again
+                shutil.rmtree(self.path("killed"))  # it had finished: start again
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGKILL)
                 process.communicate()
                 kills += 1
-        for name in ("log.csv", "record.json", "report.html"):  # as a kill between two moments would leave them
+        for name in ("log.csv", "record.json", "report.html"):  # as if it had been killed between two files
             with open(self.path("killed", name + ".1-0.tmp"), "w") as f:
                 f.write("step")
         self.succeeds(*self.train(config, "killed", "--resume"))
@@ -291,7 +291,7 @@ class Train(train_support.Case):
         self.refuses(2, [self.path("run"), 'found "lr": 0.0004, expected "lr": 0.001', "config.json"], *self.train(other, "run", "--resume"))
         deeper = self.config("deeper.json", model={"base": "micro", "sh_degree": 0})
         self.refuses(2, [self.path("run"), '"sh_degree"'], *self.train(deeper, "run", "--resume"))
-        # What no weight depends on may change.
+        # Fields that no weight depends on may change.
         self.succeeds(*self.train(self.config("often.json", log_every=2, keep_checkpoints=1), "run", "--resume"))
 
     def test_configurations_that_are_wrong(self):
@@ -320,7 +320,7 @@ class Train(train_support.Case):
         for words in (f"step {steps[-1] + 1}", "loss is", "finite", last):
             self.assertIn(words, err)
         self.assertEqual(len(self.log("run")), steps[-1])
-        again = support.run(*self.train(config, "run", "--resume"))  # from that checkpoint, which is good
+        again = support.run(*self.train(config, "run", "--resume"))  # from that checkpoint, which is valid
         self.assertEqual((again[0], f"step {steps[-1] + 1}:" in again[2]), (1, True), again[2])
 
     # ------------------------------------------------------------------------------------------------ where it is written
@@ -381,7 +381,7 @@ class Train(train_support.Case):
         self.assertIn(f"{stated['peak_bytes'] / 2**30:.3f} GiB", err)
 
     def test_a_model_beyond_all_memory_is_planned_and_refused(self):
-        """Without making its weights: 100 GB of them."""
+        """Planned without making the weights, which would take 100 GB."""
         config = self.config(model={"base": "paper", "vit_dim": 16384, "vit_heads": 16, "vit_depth": 8})
         stated, bound = self.plan(config)
         self.assertGreater(stated["peak_bytes"], 300 << 30)
@@ -394,7 +394,7 @@ class Train(train_support.Case):
         self.refuses(1, ["large.json", "64 MiB"], "train", self.path("large.json"), "--print-config")
 
     def test_sheet_that_does_not_fit_is_left_out(self):
-        # Many Gaussians of the one voxel that steps refine: a sheet refines the half that an untrained network selects.
+        # Many Gaussians in the only voxel that steps refine: a sheet refines the half that an untrained network selects.
         config = self.config(model={"base": "tiny", "fine_count": 256}, steps=2, sheet_every=1)
         with open(self.path("voxels.txt"), "w") as f:
             f.write("500\n")

@@ -1,4 +1,4 @@
-"""vsplat tune: what it finds is used, is right, survives being killed; what it is offered that is wrong it does not take."""
+"""vsplat tune: its choices are used and correct, it survives being killed, and it rejects wrong sets."""
 import glob
 import hashlib
 import json
@@ -17,7 +17,7 @@ CL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "cl")
 
 
 def tables(cache):
-    """-> paths of devices' tables, without those that are kept by their hash"""
+    """Returns the paths of devices' tables, without those that are stored under their hash."""
     return sorted(p for p in glob.glob(os.path.join(cache, "tuning", "*.json")) if not os.path.basename(p).startswith("table-"))
 
 
@@ -27,19 +27,19 @@ def chosen_text(flavour, entry):
 
 
 def with_choice(table, entry):
-    """The table with that one choice alone."""
+    """Returns the table with only that choice."""
     out = {**table, "chosen": [entry], "tried": []}
     out["hash"] = hashlib.sha256(chosen_text(table["flavour"], entry).encode()).hexdigest()
     return out
 
 
 def sets_of(trials):
-    """What was tried; what came of it is another when a better set is found."""
+    """Returns what was tried; the outcome may change when a better set is found."""
     return [json.dumps([t["op"], t["shape"], t["set"]]) for t in trials]
 
 
 class Tuned:
-    """A cache of its own for tables; the driver's is the user's."""
+    """Uses a separate cache for tables, and the user's for the driver."""
 
     def tune_environment(self, **more):
         return {"VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_TUNING": "", **more}
@@ -63,7 +63,7 @@ class Tuned:
 
 class Searching(Tuned, support.Case):
     def begun(self):
-        """Until some sets were tried, however many a machine tries in a second: what was told last."""
+        """Runs until some sets were tried, however many a machine tries in a second. Returns the last progress message."""
         told = {"tried": 0}
         for _ in range(60):
             before = len(self.table()[1]["tried"]) if tables(self.path("cache")) else 0
@@ -84,7 +84,7 @@ class Searching(Tuned, support.Case):
             self.assertGreaterEqual(one["times_as_fast"], 1 / 0.97 - 1e-9, one)
 
     def to_the_end(self, *job):
-        """What was tried is not tried again; a search to its end leaves nothing."""
+        """Sets that were tried are not tried again; a completed search leaves nothing to do."""
         _, table = self.table()
         again, _ = self.tune(*job, "--seconds", 200)
         _, now = self.table()
@@ -94,7 +94,7 @@ class Searching(Tuned, support.Case):
         self.assertEqual(sets_of(now["tried"])[:len(table["tried"])], sets_of(table["tried"]))
         sets = sets_of(now["tried"])
         self.assertEqual(len(sets), len(set(sets)))
-        # From what is best then, one parameter at a time, until nothing is new.
+        # From the best set so far, one parameter at a time, until nothing is new.
         done = again
         for _ in range(8):
             if done["tried"] == 0:
@@ -110,7 +110,7 @@ class Searching(Tuned, support.Case):
 
 class Tune(Searching):
     def test_what_it_finds_is_used_and_kept(self):
-        """To its end it searches for drawing, which has few shapes."""
+        """Searches completely for drawing, which has few shapes."""
         self.begun()
         self.to_the_end("--model", self.model, "--for", "render")
 
@@ -125,9 +125,9 @@ class Tune(Searching):
                                 "--output", self.path(f"{flavour}.json"))
             self.assertGreater(told["left"], 0)
             with open(self.path(f"{flavour}.json")) as f:
-                empty = json.load(f)  # there though nothing was tried in so short a time
+                empty = json.load(f)  # the file exists even if nothing was tried in so short a time
             self.assertEqual((empty["chosen"], empty["tried"]), ([], []))
-            # Tiles and attention of other sizes than the defaults, at the shapes that the model has.
+            # Tiles and attention with other sizes than the defaults, at the model's shapes.
             entries = {"cpu": {"op": "attention_forward", "set": {"rows": 4, "panels": 1}},
                        "gpu": {"op": "gemm", "set": {"tile": 128, "unroll": 8, "split": 1}}}[flavour]
             shape = next(t["shape"] for t in told["shapes"] if t["op"] == entries["op"])
@@ -152,7 +152,7 @@ class Tune(Searching):
 
     @support.slow
     def test_a_fast_wrong_candidate_is_not_taken(self):
-        """Half of the products, in every loop of an odd unrolling: the fastest of all, and wrong. In the quick tests: TuneCase.FindsWhatIsWrong."""
+        """Half of the products are skipped in every loop of an odd unrolling: the fastest set, and wrong. In the quick tests: TuneCase.FindsWhatIsWrong."""
         folder = self.path("cl")
         shutil.copytree(CL, folder)
         path = os.path.join(folder, "dense", "tile_gpu.clh")
@@ -180,7 +180,7 @@ class Tune(Searching):
         tried = [t for t in table["tried"] if t["set"].get("unroll") == 2]
         self.assertEqual({t["verdict"] for t in tried}, {"wrong"})
         self.assertEqual([one for one in table["chosen"] if one["set"].get("unroll") == 2], [])
-        # These kernels' table is not the product's: another hash of the sources.
+        # The table for these kernels is separate from the product's, since the hash of the sources differs.
         _, err = self.succeeds(*self.reconstruct("--kernels", "gpu"), env=self.tune_environment())
         self.assertNotIn("tuned", err)
 
@@ -195,7 +195,7 @@ class Tune(Searching):
         told, err = self.tune("--model", self.model, "--for", "render", "--seconds", 60, env=self.tune_environment(VSPLAT_KERNEL_DIR=folder), code=1)
         self.assertTrue(told["not_right"])
         self.assertTrue(all(name.startswith("radix_sort ") for name in told["not_right"]))
-        # For the other operations, a set may be faster than the default, and then there is a table.
+        # For other operations a set may be faster than the default, and then there is a table.
         self.assertEqual([one for one in told["chosen"] if one["op"] == "radix_sort"], [])
         self.assertIn("no set of parameters is right", err)
 
@@ -239,7 +239,7 @@ class Tune(Searching):
         self.refuses(2, ["--seconds"], "tune", "--full", "--seconds", 3)
         self.refuses(2, ["--output"], "tune", "--model", self.model, env={"VSPLAT_CACHE_DIR": "off"})
         self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--kernels", "gpu", "--output", self.path("gpu.json"))
-        # A refused set has a reason, whatever was stored of it; a set that does not fit into memory is not refused.
+        # A refused set has a reason, whatever was stored about it; a set that does not fit into memory is not refused.
         with open(self.path("gpu.json")) as f:
             kept = json.load(f)
         line = {"op": "gemm", "shape": {"m": 64, "n": 8, "k": 8, "taps": 1}, "set": {"tile": 64, "unroll": 0, "split": 1}, "seconds": 0, "against": 0}
@@ -282,7 +282,7 @@ class Training(Tuned, train_support.Case):
                            *self.train(four, "run", "--resume", "--extend", 2, *cpu), env=off)
         self.assertNotIn("terminate", err)
         self.succeeds(*self.train(four, "run", "--resume", "--extend", 2, *cpu), env=tuned)
-        # The other way round as well; if the table of a started training is stored, the error says where.
+        # The other way round, too; if the table of the started training is stored, the error says where.
         self.succeeds(*self.train(two, "plain", *cpu), env=off)
         self.refuses(2, [table["hash"][:12], "VSPLAT_TUNING=off"], *self.train(four, "plain", "--resume", "--extend", 2, *cpu), env=tuned)
         os.makedirs(self.path("cache", "tuning"), exist_ok=True)

@@ -1,4 +1,4 @@
-"""Requests that are wrong in themselves: exit code 2, a sentence that names the option, nothing written."""
+"""Invalid requests: exit code 2, a message that names the option, nothing written."""
 import os
 import shutil
 
@@ -7,7 +7,7 @@ import support
 
 class Usage(support.Case):
     def test_commands(self):
-        out, err = self.succeeds()  # nothing at all: what there is
+        out, err = self.succeeds()  # no arguments: lists the sub-commands
         self.assertEqual(out, self.succeeds("--help")[0])
         self.assertEqual(err, "")
         self.refuses(2, ["unknown command devcies", "devices"], "devcies")
@@ -24,8 +24,8 @@ class Usage(support.Case):
         self.succeeds("init", "micro", "--seed", 1, "--output-path=" + self.path("n.safetensors"), "--quiet")
         self.assertTrue(os.path.exists(self.path("a", "0000.png")) and os.path.exists(self.path("n.safetensors")))
         self.refuses(2, ["--steps", "whole number"], "refine", self.views, "--start", "random", "--out", self.path("x.ply"), "--iterations", "many")
-        self.refuses(2, "unknown arguments --iterations, 3", "render", self.path("scene.ply"), "--iterations", 3)  # it has no steps
-        # What follows a double dash is a name, whatever it looks like.
+        self.refuses(2, "unknown arguments --iterations, 3", "render", self.path("scene.ply"), "--iterations", 3)  # render has no steps
+        # After a double dash everything is a name, whatever it looks like.
         self.refuses(1, "--input", "render", *drawn, "--images", self.path("c"), "--", "--input")
 
     def test_the_nearest_name(self):
@@ -106,7 +106,7 @@ class Usage(support.Case):
         self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path("X.PLY"))
 
     def test_values_that_are_empty(self):
-        self.refuses(2, "--center", *self.reconstruct("--center", ""))      # and not: as if it were not given
+        self.refuses(2, "--center", *self.reconstruct("--center", ""))      # not as if it were not given
         self.refuses(2, "--views", *self.reconstruct("--views", "", "--quiet"))
         self.refuses(2, "--model= has no value", "reconstruct", self.views, "--model=", "--output", self.path("x.ply"))
         self.refuses(2, "is empty", "", "x")

@@ -1,4 +1,4 @@
-"""Lists of views as people have them: pictures that lie elsewhere, sets in parts, single views that are bad, masks that are wrong."""
+"""Lists of views as users have them: pictures elsewhere, sets in parts, single bad views, wrong masks."""
 import json
 import os
 import pathlib
@@ -12,20 +12,20 @@ SPLATS = [((0.1 * i - 0.3, 0.05 * (i % 3) - 0.05, 0.07 * (i % 2)), (i / 6, 1 - i
 
 
 def write_grey(path, side, inside, outside):
-    """A mask: one value in its middle, another round it."""
+    """Writes a mask: one value in its middle, another around it."""
     value = lambda x, y: inside if side // 4 <= x < 3 * side // 4 and side // 4 <= y < 3 * side // 4 else outside
     support.write_png(path, side, side, [[(value(x, y),) * 3 for x in range(side)] for y in range(side)])
 
 
 def turned_jpeg(data, orientation):
-    """The JPEG with an EXIF orientation."""
+    """Adds an EXIF orientation to the JPEG."""
     exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0" + struct.pack("<HHIHH", 0x112, 3, 1, orientation, 0) + b"\0\0\0\0"
     return data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:]
 
 
 class Views(support.Case):
     def given(self, *more, views=None, name="given"):
-        """What the network gets: each picture's bytes."""
+        """Returns the network's input: each picture's bytes."""
         arguments = ["reconstruct", views or self.path("views"), "--model", self.model, "--output", self.path(name + ".ply"), "--center", "0,0,0",
                      "--scale", 1, "--write-views", self.path(name), "--overwrite", *more]
         _, err = self.succeeds(*arguments)
@@ -60,7 +60,7 @@ class Views(support.Case):
         self.refuses(1, ["1.png", "1.webp", "1.jpg"], *self.reconstruct())
 
     def test_sets_in_parts(self):
-        """As NeRF-synthetic has them."""
+        """In NeRF-synthetic's layout."""
         folder = self.path("lego")
         with open(self.views) as f:
             frames = json.load(f)["frames"]
@@ -141,7 +141,7 @@ class Views(support.Case):
         self.assertIn("left out of the comparison", err)
 
     def test_comparisons_read_pictures_as_reconstruct_does(self):
-        """Turned as their EXIF data say; in a folder per camera; under another ending."""
+        """Rotated as their EXIF data say; in a folder for each camera; with another ending."""
         support.write_scene(self.path("scene.ply"), SPLATS)
         self.edit(lambda d: d.update(w=16, h=24, cy=12, cx=8))
         self.succeeds("render", self.path("scene.ply"), "--cameras", self.views, "--images", self.path("drawn"), "--format", "jpg", "--quality", 100)
@@ -153,7 +153,7 @@ class Views(support.Case):
         render = ("render", self.path("scene.ply"), "--cameras", self.views, "--compare", self.path("turned"), "--json")
         plain = json.loads(self.succeeds(*render)[0])["comparison"]["psnr"]
         self.assertGreater(plain, 30)
-        # Drawn on its side and stored so, with the tag that stands it up again.
+        # Drawn and stored on its side, with the tag that displays it upright.
         def on_side(data):
             data.update(w=24, h=16, cx=12, cy=8)
             for frame in data["frames"]:
@@ -215,7 +215,7 @@ class Views(support.Case):
                 self.assertEqual("seem to be inverted" in err, inverted, err)
 
     def test_masks_of_target_cameras(self):
-        """Drawing needs none; a comparison takes those that reconstruct takes, wherever it is run."""
+        """Drawing needs no pictures; a comparison uses the same pictures as reconstruct, from any working directory."""
         support.write_scene(self.path("scene.ply"), SPLATS)
         render = ("render", self.path("scene.ply"), "--cameras", self.views, "--images", self.path("drawn"), "--overwrite")
         compare = (*render, "--compare", self.path("views", "images"), "--json")
@@ -255,7 +255,7 @@ class Views(support.Case):
         self.assertEqual(done.returncode, 0, done.stderr)
         for i in range(3):
             self.assertEqual(support.read_png(self.path("pipe", f"{i:04}.png")), support.read_png(self.path("file", f"{i:04}.png")))
-        # Its pictures lie in the folder that one is in.
+        # Its pictures are in the folder that contains it.
         text = pathlib.Path(self.views).read_bytes()
         self.given()
         reconstruct = [support.VSPLAT, "reconstruct", "-", "--model", self.model, "--center", "0,0,0", "--scale", "1", "--output"]

@@ -1,4 +1,4 @@
-"""What model/weights keeps beside the shipped model: the mean of models. Needs numpy."""
+"""The scripts beside the shipped model in model/weights: the mean of models. Needs numpy."""
 import importlib.util
 import json
 import os
@@ -18,7 +18,7 @@ def script(name, *arguments):
 
 
 def tensors(path):
-    """-> each F32 tensor's values."""
+    """Returns each F32 tensor's values."""
     with open(path, "rb") as f:
         header = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
         data = f.read()

@@ -1,5 +1,6 @@
-"""WINDOW SCENE, on the screen of $DISPLAY: how many titles the window gets while the pointer moves over it, when the wheel is rolled sideways, when it
-is rolled up, and when the window gets another size, as four numbers. It writes its title after each picture, and the X server tells of that."""
+"""WINDOW SCENE, on the screen of $DISPLAY: prints, as four numbers, how many titles the window gets while the pointer moves over it, when the
+wheel is rolled sideways, when it is rolled up, and when the window is resized. The window sets its title after each picture, and the X server
+reports that."""
 import ctypes
 import subprocess
 import sys
@@ -26,7 +27,7 @@ root = x.XDefaultRootWindow(display)
 
 
 def shown():
-    """-> the window that has drawn"""
+    """Returns the window, once it has drawn."""
     parent, children, count, title = ctypes.c_ulong(), ids(), ctypes.c_uint(), ctypes.c_char_p()
     x.XQueryTree(display, root, ctypes.byref(parent), ctypes.byref(parent), ctypes.byref(children), ctypes.byref(count))
     for i in range(count.value):
@@ -36,7 +37,7 @@ def shown():
 
 
 def drawn(quiet):
-    """-> new titles until there is none for so many seconds"""
+    """Counts new titles until there is none for so many seconds."""
     event, count, last = ctypes.create_string_buffer(192), 0, time.time()
     while time.time() - last < quiet:
         x.XSync(display, 0)

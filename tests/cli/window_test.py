@@ -1,4 +1,4 @@
-"""The example that shows a scene in a window, on a screen of its own."""
+"""The example that shows a scene in a window, on a separate screen."""
 import os
 import shutil
 import subprocess
@@ -22,7 +22,7 @@ class Window(support.Case):
         support.write_scene(self.path("s.ply"), [((0.4, 0, 0), (1, 0, 0), 0.1, 0.95), ((-0.4, 0, 0), (0, 0, 1), 0.1, 0.95)])
 
     def colours(self, name):
-        """-> the pixels that are red, and those that are blue, as columns"""
+        """Returns the columns of the red pixels and of the blue pixels."""
         width, height, pixels = support.read_png(self.path(name))
         red, blue = [], []
         for i in range(width * height):
@@ -41,7 +41,7 @@ class Window(support.Case):
         for pixels in (red, blue, red_after, blue_after):
             self.assertGreater(len(pixels), 100)
         mean = lambda pixels: sum(pixels) / len(pixels)
-        # Half a turn later they have changed places.
+        # After half a turn they have changed sides.
         self.assertGreater((mean(red) - mean(blue)) * (mean(blue_after) - mean(red_after)), 50 * 50)
 
     def test_it_rests_until_something_changes(self):

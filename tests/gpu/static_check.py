@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
-"""What the compilers of GPU drivers make of the kernels, without a GPU: nothing may spill or keep scratch memory.
+"""Compiles the kernels with the compilers of GPU drivers, without a GPU: nothing may spill or keep scratch memory.
 
     static_check.py DUMP... [--targets amd:gfx90a,intel:dg2,...] [--only TEXT] [--json FILE] [--cache DIR] [--jobs N]
                     [--table FILE] [--baseline FILE [--anew]]
 
-DUMP is a folder of `vsplat kernels --dump`; of several, programs that are alike are looked at once. Prints for each kernel and target:
+DUMP is a folder written by `vsplat kernels --dump`; equal programs of several folders are compiled once. Prints for each kernel and target:
 registers, bytes spilled, bytes of private memory (scratch: arrays that did not stay in registers), bytes of local memory, waves that fit
-into a SIMD (AMD) or the SIMD width (Intel), and the share of the main loop's instructions that multiply and add.
+into a SIMD (AMD) or the SIMD width (Intel), and the share of multiply-adds among the main loop's instructions.
 
-Exit status 1 where a kernel does not compile, spills or keeps scratch and is not excused in a dump's allowed.txt ("KERNEL TARGET REASON" a
-line; TARGET may be a beginning, intel:), where an excuse is none any longer, where a kernel takes more than 32 KiB of local memory or groups of
-more than 256 items, or where --baseline's table was better: more scratch or spills, fewer waves, a share lower by more than 0.02, a kernel
-gone. --table writes the table. A target that ends in ? is reported only. The last column of a table tells by a hash what was compiled, how and
-by which compilers: rows with the same hash in --baseline's table are taken from there and not compiled, unless --anew is given.
+Exits with 1 if a kernel does not compile; if it spills or keeps scratch and no dump's allowed.txt excuses it ("KERNEL TARGET REASON" a line;
+TARGET may be a prefix, intel:); if an excuse is no longer needed; if a kernel uses more than 32 KiB of local memory or groups of more than 256
+items; or if --baseline's table was better: more scratch or spills, fewer waves, a share lower by more than 0.02, a missing kernel. --table
+writes the table. A target that ends in ? is only reported. The last column of a table is a hash of what was compiled, how, and by which
+compilers: rows with the same hash are taken from --baseline's table and not compiled, unless --anew is given.
 
-Needs (Debian 12): clang-15 libclc-15 rocm-device-libs, and what tests/gpu/fetch_compilers.sh puts into a folder, told by --intel: Intel's
-compiler would be an OpenCL device, too, were it installed. AMD's and Intel's are the compilers that their drivers are built on; NVIDIA's own
-is not to be had, and its rows tell what LLVM's NVPTX back end does.
+Needs (Debian 12) clang-15, libclc-15 and rocm-device-libs, and a folder made by tests/gpu/fetch_compilers.sh, given by --intel: if installed,
+Intel's compiler would be an OpenCL device, too. AMD's and Intel's compilers are those that their drivers are built on. NVIDIA's own compiler is
+not available; its rows show the result of LLVM's NVPTX back end.
 """
 import argparse
 import atexit
@@ -32,7 +32,7 @@ import sys
 import tempfile
 
 TARGETS = "amd:gfx90a,amd:gfx1030,amd:gfx1100?,intel:dg2,intel:pvc,intel:tgllp,nvptx:sm_80"
-METHOD = "1"  # how it is compiled and measured, of which results are kept: another where that changes
+METHOD = "1"  # identifies how kernels are compiled and measured; change it when that changes
 MOST_LOCAL, MOST_GROUP, SHARE_MARGIN = 32768, 256, 0.02
 MULTIPLY_ADD = re.compile(r"\b(v_fma|v_fmac|v_dual_fmac|v_mad_f|v_mac_f|v_pk_fma|v_dot|v_mfma|v_wmma)\w*|\b(fma\.rn|mma\.)|"
                           r"^\s*(?:\([^)]*\)\s*)?(mad|madm|dpas|dpasw)\b", re.M)
@@ -42,7 +42,7 @@ LIBCLC = "/usr/lib/clc/nvptx64--.bc"
 
 
 class Compilers:
-    """Where they are; `version` changes with any of them."""
+    """The compilers' paths; `version` changes with any of them."""
 
     def __init__(self, intel):
         intel = os.path.abspath(intel) if intel else ""
@@ -55,8 +55,8 @@ class Compilers:
 
     @staticmethod
     def with_later_chips(bitcode):
-        """A folder of AMD's libraries in which chips that they do not know yet, and the compiler does, are taken for the newest that they know:
-        of a chip they hold its number alone."""
+        """A folder of AMD's libraries in which chips that the compiler knows and the libraries do not are mapped to the newest chip that they know:
+        the libraries only contain a chip's number."""
         newest = f"{bitcode}/oclc_isa_version_1036.bc"
         if not os.path.exists(newest) or os.path.exists(f"{bitcode}/oclc_isa_version_1100.bc"):
             return bitcode
@@ -71,7 +71,7 @@ class Compilers:
         return {**os.environ, **({"LD_LIBRARY_PATH": self.libraries} if self.libraries else {})}
 
     def missing(self, vendors):
-        """-> what a vendor of `vendors` lacks, in words; "" where all is there."""
+        """Returns what a vendor of `vendors` lacks, in words; "" if everything is there."""
         lacks = []
         if vendors & {"amd", "nvptx"} and not shutil.which(CLANG):
             lacks.append("clang-15")
@@ -96,7 +96,7 @@ def run(command, **options):
 
 
 def loop_share(body, label, branch):
-    """Multiply-adds among the instructions of the loop (a label to the last branch back to it) that holds most of them for its length."""
+    """The share of multiply-adds among the instructions of the loop (from a label to the last branch back to it) that is densest in them."""
     lines, at, best = body.splitlines(), {}, (0, None)
     for i, line in enumerate(lines):
         if found := re.match(label, line.strip()):
@@ -144,11 +144,11 @@ def sections(path):
     return {data[base + h[0]:data.index(b"\0", base + h[0])].decode(): data[h[4]:h[4] + h[5]] for h in heads if h[1] != 8}
 
 
-PLATFORMS = {"dg2": "xehpg", "pvc": "xehpc", "tgllp": "12p1"}  # as iga64 names them
+PLATFORMS = {"dg2": "xehpg", "pvc": "xehpc", "tgllp": "12p1"}  # as iga64 calls them
 
 
 def intel_share(compilers, text, device, folder):
-    """Of a kernel's machine code, by iga64; None where that cannot be had."""
+    """The listing of a kernel's machine code, by iga64; None if not available."""
     if not compilers.iga or not os.path.exists(compilers.iga) or device not in PLATFORMS:
         return None
     path = f"{folder}/text.bin"
@@ -201,7 +201,7 @@ VENDORS = {"amd": amd, "intel": intel, "nvptx": nvptx}
 
 
 def programs_of(dumps):
-    """Of the gpu flavour; kernels of programs that are alike are put together."""
+    """Kernels of the gpu flavour; kernels of equal programs are merged."""
     out = {}
     for dump in dumps:
         for program in json.load(open(f"{dump}/kernels.json")):
@@ -219,7 +219,7 @@ def programs_of(dumps):
 
 
 def compiled(compilers, program, target, cache, version, known):
-    """-> rows of all of its kernels; known: {(kernel, target, hash): numbers} of those that need not be compiled"""
+    """Returns rows of all of its kernels. known: {(kernel, target, hash): numbers} that need not be compiled."""
     vendor, chip = target.split(":")
     if not {vendor, target} & set(program.get("targets", [vendor])):
         return []
@@ -276,7 +276,7 @@ HEAD = f"{'kernel':36} {'options':34} {'target':14} {'regs':>5} {'spill':>6} {'s
 
 
 def table_rows(path):
-    """-> {(kernel, options, target): numbers} of a table that --table wrote."""
+    """Returns {(kernel, options, target): numbers} of a table that --table wrote."""
     out = {}
     for line in open(path).read().splitlines():
         if not line.startswith(("#", "kernel ")) and ":" in line[72:86]:
@@ -290,7 +290,7 @@ def table_rows(path):
 
 
 def known_of(path):
-    """What `compiled` takes from that table."""
+    """Returns the rows of that table that `compiled` can reuse."""
     known = {}
     for (kernel, _, target), numbers in table_rows(path).items():
         told = {key: value for key, value in numbers.items() if value is not None and key != "digest"}
@@ -299,7 +299,7 @@ def known_of(path):
 
 
 def worse(row, before):
-    """-> what got worse, in words"""
+    """Returns what got worse, in words."""
     out = []
     for key in ("spill", "scratch"):
         if row[key] > (before[key] or 0):

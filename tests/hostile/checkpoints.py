@@ -1,5 +1,5 @@
-"""Checkpoints of PyTorch: pickles that would run something, tensors that do not lie in their storages, archives that are none. Of committed
-ones, so that PyTorch is not asked for."""
+"""PyTorch checkpoints: pickles that would run something, tensors outside their storages, invalid archives. Made from committed ones, so
+PyTorch is not needed."""
 import io
 import os
 import pickle
@@ -21,7 +21,7 @@ def zipped(entries, method=zipfile.ZIP_STORED):
 
 
 class Canary:
-    """Unpickled by Python, it makes a file."""
+    """If Python unpickled it, it would make a file."""
     def __init__(self, path, call=os.system):
         self.path, self.call = path, call
 
@@ -32,7 +32,7 @@ class Canary:
 
 
 class Broken:
-    """What is made of a sound checkpoint. canary: a file that what is pickled would make."""
+    """Files made from a sound checkpoint. canary: a file that the pickle would make if it were run."""
     def __init__(self, path, canary, rng):
         self.canary, self.random = canary, rng
         with zipfile.ZipFile(path) as z:
@@ -46,13 +46,13 @@ class Broken:
         return zipped([(name, data if name.endswith("data.pkl") else content) for name, content in self.entries])
 
     def hostile_pickles(self):
-        """-> what each is, and its bytes"""
+        """Yields a description and the bytes."""
         for call in (os.system, eval, exec, subprocess.check_call, os.popen):
             danger = Canary(self.canary, call)
             for place in ({"state_dict": danger}, {"state_dict": {"net.div_offset": danger}}, {"state_dict": {}, "callbacks": [danger]}, danger, [danger]):
                 yield f"{call.__name__} {type(place).__name__}", pickle.dumps(place, 2)
             yield f"{call.__name__} 4", pickle.dumps(danger, 4)
-            # What a reader would call before it sees the rest, and where it looks at nothing.
+            # Things that a reader would call before it sees the rest, and in places that it does not examine.
             yield f"{call.__name__} before", b"\x80\x02" + pickle.dumps(danger, 2)[2:-1] + b"0" + self.pickle[2:]
             yield f"{call.__name__} in a list", b"\x80\x02]" + pickle.dumps(danger, 2)[2:-1] + b"a" + self.pickle[2:]
         touch = b"X" + struct.pack("<I", len(self.canary) + 6) + b"touch " + self.canary.encode()
@@ -67,7 +67,7 @@ class Broken:
             yield name, b"\x80\x02" + code
 
     def tensor_pickles(self):
-        """State dicts whose tensors do not lie in their storages, and storages that are elsewhere."""
+        """State dicts whose tensors are outside their storages, and storages in other places."""
         def number(n):
             return b"\x8a\x08" + struct.pack("<q", n)
         def sides(values):
@@ -105,21 +105,21 @@ class Broken:
         yield "deflated", zipped(entries, zipfile.ZIP_DEFLATED)
         yield "bomb in the pickle", zipped([(pickled[0], b"\x80\x02" + b"N" * 200_000_000)], zipfile.ZIP_DEFLATED)
         yield "bomb in an entry", zipped([*entries, (f"{self.top}/data/99999", b"\0" * 200_000_000)], zipfile.ZIP_DEFLATED)
-        # Sizes that nothing is behind, in the list and where the entries begin.
+        # Sizes without data behind them, in the directory and in the entries' headers.
         for claim in (2**31, 2**32 - 2, 2**32 - 1):
             data = bytearray(zipped(entries))
             for mark, at in ((b"PK\x01\x02", 20), (b"PK\x03\x04", 18)):
                 begin = data.find(mark)
                 data[begin + at:begin + at + 8] = struct.pack("<II", claim, claim)
             yield f"claims {claim}", bytes(data)
-        # Every entry where the first one is: together more than the file.
+        # Every entry at the place of the first: together they are larger than the file.
         data = bytearray(zipped([(f"{self.top}/data/{i}", b"\0" * 50_000) for i in range(3)] + [pickled]))
         at = -1
         while (at := data.find(b"PK\x01\x02", at + 1)) >= 0:
             data[at + 42:at + 46] = struct.pack("<I", 0)
         yield "overlap", bytes(data)
         data = bytearray(zipped(entries))
-        for mark, at in ((b"PK\x01\x02", 8), (b"PK\x03\x04", 6)):  # all are encrypted
+        for mark, at in ((b"PK\x01\x02", 8), (b"PK\x03\x04", 6)):  # all are marked as encrypted
             begin = -1
             while (begin := data.find(mark, begin + 1)) >= 0:
                 data[begin + at] |= 1
@@ -130,7 +130,7 @@ class Broken:
         yield "pickle of another", zipped([(f"{self.top}/data.pkl", pickle.dumps({"state_dict": {"a": [1.5, "x"]}}, 2))])
 
     def certain(self):
-        """-> what each is, and its bytes: all of them are to be refused."""
+        """Yields a description and the bytes; all of them must be refused."""
         yield from ((name, self.with_pickle(data)) for name, data in self.hostile_pickles())
         yield from self.tensor_pickles()
         yield from self.archives()
@@ -139,7 +139,7 @@ class Broken:
         return self.whole[:self.random.randrange(len(self.whole))]
 
     def spoilt(self):
-        """Some of its bits are others. May be as good as it was: dates and padding are not read."""
+        """Changes some bits. The file may still be valid: dates and padding are not read."""
         data = bytearray(self.whole)
         for _ in range(self.random.choice((1, 1, 2, 8))):
             data[self.random.randrange(len(data))] ^= 1 << self.random.randrange(8)
@@ -147,7 +147,7 @@ class Broken:
 
 
 def make(maker):
-    """Each kind of one of the committed checkpoints, in turn; an encoder's, of some kinds."""
+    """Each kind, made from one of the committed checkpoints in turn; some kinds from an encoder's."""
     canary = os.path.join(maker.out, "bait", "touched")
     put = lambda role, name, data: maker.file(f"{role}/{re.sub('[^a-z0-9]+', '_', name.lower())[:24]}", role, maker.word() + ".ckpt", data)
     sources = [Broken(os.path.join(GOLDEN, f"{system}_micro.ckpt"), canary, maker.random) for system in ("lara", "genden")]

@@ -1,5 +1,4 @@
-"""Objects in HDF5: arrays that claim to be huge, values that lie in other files, links that lead elsewhere. Made by the library that reads
-them."""
+"""Objects in HDF5: arrays that claim to be huge, values in other files, links that lead elsewhere. Made with the library that reads them."""
 import ctypes
 import ctypes.util
 import math
@@ -7,7 +6,7 @@ import os
 import sys
 
 SIZE, UNLIMITED = ctypes.c_uint64, ctypes.c_uint64(-1).value
-SIDE = 16384  # the largest picture that is permitted, as a square
+SIDE = 16384  # the largest permitted picture, as a square
 
 
 class Library:
@@ -34,7 +33,7 @@ def sizes(values):
 
 
 class File:
-    """A file with one object of six views; of the first some is replaced."""
+    """A file with an object of six views; parts of the first view are replaced."""
     H = None
     ID = ctypes.c_int64
 
@@ -47,7 +46,7 @@ class File:
         return self.ID(made)
 
     def array(self, group, name, shape, kind="H5T_NATIVE_FLOAT_g", data=None, layout=None, most=None):
-        """layout: sets the creation list. data: bytes in C order."""
+        """layout: sets the creation property list. data: bytes in C order."""
         H, ID = self.H, self.ID
         space = ID(H("H5Screate_simple", len(shape), sizes(shape), sizes(most) if most else None))
         made = ID(H("H5Pcreate", H.constant("H5P_CLS_DATASET_CREATE_ID_g")))
@@ -79,7 +78,7 @@ class File:
 
     def close(self):
         self.H("H5Fclose", self.file, result=ctypes.c_int)
-        # What the makers left open.
+        # Parts that the makers left out.
         self.H("H5garbage_collect", result=ctypes.c_int)
 
 
@@ -87,7 +86,7 @@ def make(maker):
     choose, number = maker.random.choice, maker.random.randint
 
     def put(kind, change, **without):
-        """change(file, group): puts what is missing of the first view."""
+        """change(file, group): adds what the first view lacks."""
         folder = maker.folder(f"hdf5/{kind}")
         path = os.path.join(folder, maker.word() + ".h5")
         file = File(path)
@@ -107,7 +106,7 @@ def make(maker):
     beyond = (2**40, 2**40, 4)
     large = (SIDE, SIDE, 4)
     chunked = lambda *chunk: lambda H, ID, made: H("H5Pset_chunk", made, len(chunk), sizes(chunk), result=ctypes.c_int)
-    late = lambda H, ID, made: H("H5Pset_alloc_time", made, 3, result=ctypes.c_int)  # nothing is stored before it is written
+    late = lambda H, ID, made: H("H5Pset_alloc_time", made, 3, result=ctypes.c_int)  # nothing is stored before values are written
 
     def filled(H, ID, made):
         chunked(64, 64, 4)(H, ID, made)
@@ -145,11 +144,11 @@ def make(maker):
 
     def plugin(H, ID, made):
         chunked(16, 16, 4)(H, ID, made)
-        # One that may be absent, so that it can be named without being there.
+        # A filter that may be absent, so that it can be named without existing.
         H("H5Pset_filter", made, number(256, 32_000), ctypes.c_uint(1), ctypes.c_size_t(0), None, result=ctypes.c_int)
     try:
         put("plugin", lambda f, g: f.array(g, "image_0", (16, 16, 4), bytes_, layout=plugin), picture=False)
-    except AssertionError:  # a library that asks for the filter when the file is made
+    except AssertionError:  # a library that requires the filter when the file is made
         pass
 
     # Values in other files.
@@ -170,7 +169,7 @@ def make(maker):
             H("H5Pset_virtual", made, space, target.encode(), b"/object/image_1", space, result=ctypes.c_int)
         put(f"virtual_{kind}", lambda f, g, virtual=virtual: f.array(g, "image_0", (16, 16, 4), bytes_, layout=virtual), picture=False)
 
-    # Links within.
+    # Links within the file.
     put("soft_nowhere", lambda f, g: f.soft("/" + maker.word(), g, "image_0"), picture=False)
     put("soft_loop", lambda f, g: f.soft("/object/image_0", g, "image_0"), picture=False)
     put("soft_up", lambda f, g: f.soft("../../../../etc/passwd", g, "image_0"), picture=False)

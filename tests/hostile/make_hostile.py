@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""make_hostile.py --seed N OUT: files that are made to break their reader, of every kind that once did or nearly, and nothing of a user's.
+"""make_hostile.py --seed N OUT: makes malicious files, of every kind that once broke a reader or nearly did, and none of a user's.
 
-Sizes, names, offsets, depths and texts follow from the seed. OUT holds a folder for each kind, `bait/`, which nothing may read, and
-`hostile.json`, which lists what was made: its kind, what it is (role: what command takes it), and its path. The library of HDF5 makes the
-files of that format (libhdf5-dev, by ctypes); all else is written by the byte. Python's standard library only."""
+Sizes, names, offsets, depths and texts follow from the seed. OUT contains a folder for each kind; `bait/`, which nothing may read; and
+`hostile.json`, which lists each file made: its kind, its role (which command accepts it), and its path. The HDF5 library makes the files of
+that format (libhdf5-dev, through ctypes); all others are written byte by byte. Uses only Python's standard library."""
 import argparse
 import json
 import os
@@ -23,11 +23,11 @@ ROLES = ("config", "model", "views", "mesh", "hdf5", "compare", "selection", "sc
 
 
 class Maker:
-    """What the makers of the kinds share: random choices, sound material, and where files go."""
+    """Shared by the makers of all kinds: random choices, sound inputs, and places for files."""
     def __init__(self, seed, out, sound):
         self.random, self.out, self.sound, self.made = random.Random(seed), out, sound, []
         os.makedirs(os.path.join(out, "bait"))
-        # What hostile files name outside of their own folder: nothing is to open it.
+        # Files outside of their own folder that malicious files name: nothing may open them.
         for name in ("bait.mtl", "bait.bin", "bait.txt", "bait.h5", "bait.json"):
             self.write(os.path.join(out, "bait", name), b"\0" * 256)
         shutil.copy(self.sound_picture(), os.path.join(out, "bait", "bait.png"))
@@ -42,7 +42,7 @@ class Maker:
         return path
 
     def add(self, kind, role, path, names=None):
-        """names: what an error has to name instead of the path's last part."""
+        """names: what an error must name instead of the path's last part."""
         assert role in ROLES, role
         self.made.append({"kind": kind, "role": role, "path": os.path.relpath(path, self.out), "names": names or os.path.basename(path)})
 
@@ -60,17 +60,17 @@ class Maker:
         return "".join(self.random.choice("abcdefghijklmnopqrstuvwxyz") for _ in range(self.random.randint(3, most)))
 
     def escape(self):
-        """What moves the cursor, sets the title, or ends a line, where a terminal gets it as it is."""
+        """Text that moves the cursor, sets the title, or ends a line if a terminal receives it unescaped."""
         return self.random.choice(("\x1b]0;owned\x07", "\x1b[2J\x1b[H", "\x1b[31mred", "\x9b2J", "\r\x1b[1A\x1b[2Kok", "\x7f\x08\x08", "a\nb: done", "\u202egnp.", "a\u2028b\u2029", "\ufeff\u2066x"))
 
     def outside(self, depth=8):
-        """-> names of files outside of the folder that a file lies in, as /etc/passwd."""
+        """Returns names of files outside of the folder of a file, such as /etc/passwd."""
         up = "../" * self.random.randint(depth, depth + 8)
         return {"up": up + "etc/passwd", "absolute": "/etc/passwd", "zero": "/dev/zero", "up_zero": up + "dev/zero"}
 
 
 def make(seed, out, sound):
-    """sound: a folder with set/object (posed pictures), micro.safetensors, scene.ply and config.json. -> what was made"""
+    """sound: a folder with set/object (posed pictures), micro.safetensors, scene.ply and config.json. Returns what was made."""
     maker = Maker(seed, out, sound)
     for module in (texts, models, checkpoints, views, meshes, pictures, hdf5_files):
         module.make(maker)

@@ -1,4 +1,4 @@
-"""Meshes: of the formats that are read, cut, with wrong counts, and naming files outside; and of formats that are not."""
+"""Meshes: in formats that are read, cut off, with wrong counts, or naming files outside; and in formats that are not read."""
 import base64
 import json
 import os
@@ -45,7 +45,7 @@ def objs(maker):
         texture = target.replace(".mtl", ".png")
         put(f"{choose(('map_Kd', 'map_Ka', 'map_d'))}_{kind}" if kind not in ("bait", "zero") else f"map_Kd_{kind}", obj(f"mtllib {name}\n", textured=True),
             {name: f"newmtl m\nKd 1 1 1\nmap_Kd {texture}\n"})
-    for kind in views.PATHS:  # of the materials, and of a texture, in another folder than the list of cameras has them
+    for kind in views.PATHS:  # of materials, and of a texture, in another folder than that of the list of cameras
         put(f"mtllib_path_{kind}", obj(f"mtllib {views.path_that(maker, kind, 'a', '.mtl')}\n".replace("\n\n", "\n"), textured=True), {"a.mtl": "newmtl m\nKd 1 0 0\n"})
         put(f"map_Kd_path_{kind}", obj("mtllib a.mtl\n", textured=True), {"a.mtl": f"newmtl m\nmap_Kd {views.path_that(maker, kind, 'a')}\n"})
     put("mtllib_pipe", obj("mtllib pipe\n", textured=True), pipe="pipe")
@@ -238,7 +238,7 @@ def png_claim(width, height):
 
 
 def others(maker):
-    """Formats that are not read, some of them as they broke their reader."""
+    """Formats that are not read, some of which broke their reader."""
     put = lambda name, data: maker.file(f"unsupported/{name.replace('.', '_')}", "mesh", name, data)
     put("a.off", f"OFF\n3 {maker.random.choice((1, 2**32 - 1))} 0\n0 0 0\n1 0 1 0\n0 1 0\n3 0 1 {maker.random.choice((2, 99))}\n")
     put("a.ase", "*3DSMAX_ASCIIEXPORT 200\n*GEOMOBJECT {\n*MESH {\n*MESH_NUMVERTEX 3\n*MESH_NUMFACES 1\n*MESH_FACE_LIST {\n*MESH_FACE 0: A: %d B: 1 C: 2\n}\n}\n}\n" % maker.random.choice((99, -1)))

@@ -1,4 +1,4 @@
-"""Files of tensors: models, checkpoints of trainings and of refinements, encoders, the networks of LPIPS."""
+"""Files of tensors: models, checkpoints of trainings and of fits, encoders, LPIPS networks."""
 import hashlib
 import json
 import os
@@ -20,7 +20,7 @@ def whole(header, body):
 
 
 def stated(header, body):
-    """With the hash of itself, so that no damage is seen."""
+    """The file with its own hash corrected, so that damage to it is not detected by the hash."""
     header["__metadata__"]["sha256"] = "0" * 64
     header["__metadata__"]["sha256"] = hashlib.sha256(whole(header, body)).hexdigest()
     return whole(header, body)
@@ -31,7 +31,7 @@ def tensors(header):
 
 
 def broken(maker, sound):
-    """-> kind, content: of any file of tensors, of which `sound` is a good one."""
+    """Yields kind and content, for any kind of tensor file of which `sound` is a good one."""
     choose = maker.random.choice
     head, body = parts(sound)
     head["__metadata__"].pop("sha256", None)
@@ -74,7 +74,7 @@ def broken(maker, sound):
 
 
 def spoilt(maker, sound, value):
-    """One number of the values is none, and the hash is right."""
+    """One value is NaN, and the hash is valid."""
     header, body = parts(sound)
     body = bytearray(body)
     entry = header[maker.random.choice(tensors(header))]
@@ -92,7 +92,7 @@ def configured(sound, change):
     return stated(header, body)
 
 
-FIELDS = {  # of LaRa's, GenDen's and the densifier's configurations: what is large, what is none
+FIELDS = {  # of LaRa's, GenDen's and the densifier's configurations: large and invalid values
     "lara": (("volume", "feature_volume", "layers", "view_slots", "primitives", "volume_ch", "out_ch", "fine_hidden"), ("windows", "kind", "offset_cells", "rebase")),
     "genden": (("volume", "layers", "densify.top_k", "densify.channels", "densify.frequencies", "densify.mlp_ratio"),
                ("densify.cell", "densify.orders", "densify.depths", "densify.patch", "densify.upscale", "densify.duplicates", "densify.heads")),
@@ -101,7 +101,7 @@ FIELDS = {  # of LaRa's, GenDen's and the densifier's configurations: what is la
 
 
 def systems(maker, put):
-    """Models of the other networks: their fields, and those of one that say that they are another's."""
+    """Models of the other networks: invalid fields, and models that claim another architecture."""
     choose = maker.random.choice
     for name, (sizes, others) in FIELDS.items():
         sound = os.path.join(maker.sound, name + ".safetensors")
@@ -143,7 +143,7 @@ def make(maker):
 
     systems(maker, put)
 
-    # A run's folder whose only checkpoint is broken, and a refinement's state.
+    # A run's folder whose only checkpoint is damaged, and the state of a fit.
     run = os.path.join(maker.sound, "run")
     checkpoint = sorted(name for name in os.listdir(run) if name.startswith("checkpoint-"))[-1]
     for role, name, sound in (("run", checkpoint, os.path.join(run, checkpoint)), ("state", "refinement.safetensors", os.path.join(maker.sound, "state", "refinement.safetensors"))):

@@ -1,11 +1,11 @@
-"""Pictures that claim to be huge, that hold more than they show, or that take for ever to decode; and bytes that are no picture."""
+"""Pictures that claim to be huge, that contain more than they show, or that take very long to decode; and bytes that are no picture."""
 import os
 import struct
 import zlib
 
 from views import Copy
 
-SIDE_MOST = 16384  # the largest that is permitted, as a square
+SIDE_MOST = 16384  # the largest permitted picture, as a square
 
 
 def chunk(kind, data):
@@ -18,7 +18,7 @@ def png(width, height, packed, depth=8, colour=2, interlaced=0, more=b""):
 
 
 def zeros(size):
-    """Deflated: a megabyte that refers to nothing before it, again and again."""
+    """Deflated zeros: a megabyte, compressed independently of what precedes it, repeated."""
     def packed(count, flush):
         packer = zlib.compressobj(9, zlib.DEFLATED, -15)
         return packer.compress(b"\0" * count) + packer.flush(flush)
@@ -65,7 +65,7 @@ def pngs(maker, put):
 
 
 def jpeg(width, height, scans, progressive=True):
-    """Of one component whose every block is empty: a scan of a few bytes that goes over all of the picture."""
+    """A single component whose blocks are all empty: a scan of a few bytes that visits the whole picture."""
     segment = lambda marker, data: struct.pack(">BBH", 0xFF, marker, len(data) + 2) + data
     table = lambda kind, code: segment(0xC4, bytes([kind]) + bytes([1] + [0] * 15) + bytes([code]))
     out = b"\xff\xd8" + segment(0xDB, b"\0" + b"\1" * 64)
@@ -124,7 +124,7 @@ def exrs(maker, put):
 
 
 def tiff(width, height, compression=1, rows_per_strip=None, entries=(), data=b"\0" * 64, bits=8, channels=3):
-    """Of one strip, whose bytes lie at 8."""
+    """A single strip, whose bytes are at 8."""
     def entry(tag, kind, count, value):
         return struct.pack("<HHII", tag, kind, count, value)
     strip = entry(256, 4, 1, width) + entry(257, 4, 1, height) + entry(258, 3, 1, bits) + entry(259, 3, 1, compression) + entry(262, 3, 1, 2 if channels == 3 else 1)
@@ -184,7 +184,7 @@ def bmps(maker, put):
 
 def make(maker):
     def put(kind, ending, content, side=None):
-        """Beside sound ones, as the first of an object's pictures; the list of cameras says no size where one of its own is claimed."""
+        """Beside sound pictures, as the first of an object's; the list of cameras states no size if the file claims one of its own."""
         copy = Copy(maker, f"{ending}/{kind}", names=f"{ending}/{kind}")
         name = f"images/{maker.word()}.{ending}"
         maker.write(copy.path(name), content)
@@ -194,7 +194,7 @@ def make(maker):
         for field in ("fl_x", "fl_y"):
             copy.data.pop(field, None)
         copy.first(file_path=name)
-        if side is None:  # as a mask, too
+        if side is None:  # also as a mask
             copy = Copy(maker, f"{ending}/{kind}_mask", names=f"{ending}/{kind}_mask")
             maker.write(copy.path(name), content)
             copy.first(mask_path=name)
@@ -203,7 +203,7 @@ def make(maker):
     for ending in ("png", "jpg", "exr", "tif", "webp", "bmp"):
         put("junk", ending, bytes(maker.random.randrange(256) for _ in range(500)), 64)
         put("empty", ending, b"", 64)
-    # What is bad as a picture is bad as one that a scene is compared with.
+    # A bad input picture is also bad as a picture to compare with.
     for kind in ("claims", "grey_1_bit", "cut"):
         source = os.path.join(maker.out, "png", kind, "images")
         name = next(n for n in os.listdir(source) if not n.startswith("00"))

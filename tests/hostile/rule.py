@@ -1,7 +1,7 @@
-"""The rule that strangers' files are held to, and the commands that take them.
+"""The rule for untrusted files, and the commands that read them.
 
-A command ends within 20 s of processor time and 1.5 GiB of memory, with exit status 0, 1 or 2; where it fails, stderr names the file; no
-control character gets to the terminal; nothing is left behind, nothing else is changed, and nothing outside of the folders given is opened."""
+A command ends within 20 s of processor time and 1.5 GiB of memory, with exit status 0, 1 or 2. If it fails, stderr names the file. No control
+character reaches the terminal. Nothing is left behind, nothing else is changed, and nothing outside of the given folders is opened."""
 import json
 import math
 import os
@@ -16,21 +16,21 @@ import time
 import unicodedata
 
 VSPLAT = os.environ.get("VSPLAT", "vsplat")
-SANITIZED = "ASAN_OPTIONS" in os.environ  # a build whose every access is looked at
+SANITIZED = "ASAN_OPTIONS" in os.environ  # a build that checks every memory access
 SECONDS = 20 * (6 if SANITIZED else 1)
 BYTES = int((1.5 if not SANITIZED else 5) * 2**30)
-# A wall clock says how busy the machine is; it only ends what waits for ever.
+# The wall-clock limit only ends commands that wait forever, since wall time depends on how busy the machine is.
 PATIENCE = 6 * SECONDS
 KEPT = "sound"
 
 EXPENSIVE = ("--max-memory", "0.5")
 
-# What is not seen and changes what is seen about it: marks of direction and order, joiners, tags.
+# Invisible characters that change how others look: marks of direction and order, joiners, tags.
 UNSEEN = "\u00ad\u061c\u200b\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2060\u2066\u2067\u2068\u2069\ufeff\U000e0041"
 
 
 def commands(role, path, sound, out):
-    """-> name, arguments of what takes the file; `out` is an empty folder."""
+    """Yields name and arguments of the commands that accept the file; `out` is an empty folder."""
     at = lambda *parts: os.path.join(sound, *parts)
     to = lambda *parts: os.path.join(out, *parts)
     objects, model, scene, config = at("set", "object"), at("micro.safetensors"), at("scene.ply"), at("config.json")
@@ -79,7 +79,7 @@ def commands(role, path, sound, out):
 
 
 def make_sound(folder, run, write_scene):
-    """Sound files, by the command's own doing."""
+    """Sound files, made by the command itself."""
     at = lambda *parts: os.path.join(folder, *parts)
     os.makedirs(folder)
     def done(*arguments):
@@ -99,7 +99,7 @@ def make_sound(folder, run, write_scene):
 
 
 def content_of(folder):
-    """-> what lies there, by name: for a file its size and time."""
+    """Returns the folder's content by name: size and time of each file."""
     out = {}
     for root, folders, files in os.walk(folder):
         for name in folders + files:
@@ -110,7 +110,7 @@ def content_of(folder):
 
 
 def processes_of(pid):
-    """A process and what it has started."""
+    """A process and its descendants."""
     found = [pid]
     for process in found:
         try:
@@ -123,7 +123,7 @@ def processes_of(pid):
 
 
 def use_of(pid):
-    """-> seconds of processor, bytes resident, of a process and all that it has started."""
+    """Returns seconds of processor time and resident bytes of a process and its descendants."""
     ticks, pages = 0, 0
     for process in processes_of(pid):
         try:
@@ -137,7 +137,7 @@ def use_of(pid):
 
 
 def unusable(path):
-    """What is wrong with a scene that was written: values that are no numbers."""
+    """Returns what is wrong with a written scene: values that are not numbers."""
     with open(path, "rb") as f:
         head, _, body = f.read().partition(b"end_header\n")
     values = struct.unpack(f"<{len(body) // 4}f", body[:len(body) // 4 * 4])
@@ -146,7 +146,7 @@ def unusable(path):
 
 
 class Ran:
-    """A command that has run: status (below 0: a signal), what it printed, what it took, and why it was ended, if it was."""
+    """A finished command: its status (below 0: a signal), output and cost, and why it was killed, if it was."""
     def __init__(self, command, env=None):
         self.ended, self.bytes, begun = "", 0, time.monotonic()
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
@@ -180,8 +180,8 @@ def shown(command):
 
 
 def is_named(ran, made, given, out):
-    """Whether an error says what it is about: the file, one beside it, what was to be written of it, a view of the list that was given,
-    an object of the folder that was given; or that the memory which the test allows is not enough."""
+    """Whether an error names its subject: the file, one beside it, an output, a view of the given list, or an object of the given folder; or
+    says that the memory that the test allows is not enough."""
     folder = given if os.path.isdir(given) else os.path.dirname(given)
     words = [given, folder + "/", made["names"], out + "/", "--max-memory"]
     words += {"model": ["vsplat: step "], "views": ["view 0 (", "object " + os.path.basename(given)]}.get(made["role"], [])
@@ -189,7 +189,7 @@ def is_named(ran, made, given, out):
 
 
 def violations(ran, made, given, out_folder, left):
-    """What of the rule does not hold. left: files in the output's folder that were not there before, or changed."""
+    """Returns violations of the rule. left: new or changed files in the output's folder."""
     out = []
     if ran.ended:
         return ["was ended: " + ran.ended]
@@ -212,15 +212,15 @@ def violations(ran, made, given, out_folder, left):
     for word in ("terminate called", "Sanitizer", "runtime error:", "std::bad_alloc", "Assertion"):
         if word in ran.err:
             out.append(f"stderr says {word}")
-    # A training goes on from its last checkpoint, whatever ended it.
+    # A training continues from its last checkpoint, whatever ended it.
     if ran.status != 0 and left and not any("checkpoint-" in name for name in left):
         out.append("leaves " + ", ".join(sorted(left)[:4]))
     return out
 
 
 def check(made, command, folder, sound, env=None, prefix=(), look=None):
-    """Runs one of an entry's commands in an empty folder. -> violations, as lines that begin with the command; what ran
-    look(given, out): more violations, asked for when the command has ended."""
+    """Runs one of an entry's commands in an empty folder. Returns violations, as lines that begin with the command, and the finished command.
+    look(given, out): returns more violations, called when the command has ended."""
     path = os.path.join(folder, made["path"])
     out = tempfile.mkdtemp(prefix="vsplat-hostile-")
     try:

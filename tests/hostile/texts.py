@@ -1,4 +1,4 @@
-"""Configurations, selections and scenes: what is text, or begins as such."""
+"""Configurations, selections and scenes: files that are text, or begin like it."""
 import json
 import struct
 

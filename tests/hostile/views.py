@@ -1,4 +1,4 @@
-"""Lists of cameras, and what they name: names with escapes, files outside, devices and pipes."""
+"""Lists of cameras and the files that they name: names with escapes, files outside, devices and pipes."""
 import json
 import os
 import shutil
@@ -8,7 +8,7 @@ from texts import nested
 
 
 class Copy:
-    """A sound object's folder, to be spoilt."""
+    """A copy of a sound object's folder, to be damaged."""
     def __init__(self, maker, kind, role="views", names="transforms.json"):
         self.maker, self.folder = maker, os.path.join(maker.out, *kind.split("/"))
         shutil.copytree(os.path.join(maker.sound, "set", "object"), self.folder)
@@ -48,7 +48,7 @@ def lists(maker):
         copy = Copy(maker, f"views/{kind}")
         copy.data.update(fields)
         copy.save()
-    copy = Copy(maker, "views/far")  # as photographs of a country's coordinates are
+    copy = Copy(maker, "views/far")  # like photographs in national coordinates
     offset = [maker.random.uniform(-1, 1) * 10 ** maker.random.randint(5, 7) for _ in range(3)]
     for frame in copy.data["frames"]:
         for row, more in zip(frame["transform_matrix"], offset):
@@ -64,7 +64,7 @@ def lists(maker):
 
 
 def names(maker):
-    """A picture that is there, under a name that acts on a terminal."""
+    """An existing picture whose name affects a terminal."""
     copy = Copy(maker, "names/escape")
     name = maker.escape().replace("\n", "\x1b") + "a.png"
     os.rename(copy.path("images", "0000.png"), copy.path("images", name))
@@ -83,7 +83,7 @@ def names(maker):
 
 
 def path_that(maker, kind, name, ending=".png"):
-    """Of a file called name + ending in images/: how a list may write it, and what is only meant to look like it."""
+    """For a file called name + ending in images/: how a list may write it, and what only looks like it."""
     choose, words = maker.random.choice, lambda n: [maker.word() for _ in range(n)]
     file = name + ending
     return {"tails": lambda: "/".join(words(maker.random.randint(1, 60)) + ["images", file]),
@@ -105,11 +105,11 @@ PATHS = ("tails", "deep", "up", "down_and_up", "dots", "drive", "share", "mixed"
 
 
 def paths(maker):
-    """Names that the search for listed files takes apart."""
+    """Names that stress the search for listed files."""
     for kind in PATHS:
         Copy(maker, f"paths/picture_{kind}").first(file_path=path_that(maker, kind, "0000"))
         Copy(maker, f"paths/mask_{kind}").first(mask_path=path_that(maker, kind, "0000"))
-    copy = Copy(maker, "paths/many")  # each is looked for by every tail
+    copy = Copy(maker, "paths/many")  # each is searched by every tail
     name = "/".join(maker.word() for _ in range(maker.random.randint(50, 400))) + "/"
     copy.data["frames"] = [{**copy.data["frames"][0], "file_path": f"{name}{i}.png"} for i in range(maker.random.randint(1000, 3000))] + copy.data["frames"][1:]
     copy.save()
@@ -117,11 +117,11 @@ def paths(maker):
     for ending in (".jpg", ".exr", ".PNG"):
         shutil.copy(copy.path("images", "0001.png"), copy.path("images", "0000" + ending))
     copy.first(file_path="x/0000" + maker.random.choice((".tif", ".Png", "")))
-    copy = Copy(maker, "paths/like_bait")  # found by its stem alone, and a link
+    copy = Copy(maker, "paths/like_bait")  # found only by its stem, and a link
     os.symlink("../../../bait/bait.png", copy.path("images", "bait.png"))
     copy.first(file_path="bait/BAIT.jpg")
     for kind, target in (("pipe", None), ("zero", "/dev/zero"), ("bait", "../../bait/bait.json")):
-        copy = Copy(maker, f"paths/list_{kind}", names="json")  # beside it lies one whose name differs in its case
+        copy = Copy(maker, f"paths/list_{kind}", names="json")  # a file beside it differs only in case
         os.rename(copy.path("transforms.json"), copy.path("TRANSFORMS.json"))
         os.symlink(target, copy.path("Transforms.JSON")) if target else os.mkfifo(copy.path("Transforms.JSON"))
 
