@@ -1,5 +1,5 @@
-"""The documents: every relative link and picture of every *.md leads somewhere, anchors included; README.md is short and narrow, its
-pictures are small; and what the documents call by `vsplat` exists, where $VSPLAT names the command. No network is asked."""
+"""The documents: every relative link and picture of every *.md leads to an existing file or anchor; README.md is short and narrow, and its
+pictures are small; and the sub-commands and options that documents name exist, if $VSPLAT names the command. Uses no network."""
 import json
 import os
 import pathlib
@@ -23,7 +23,7 @@ HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$")
 
 
 def documents():
-    """Every *.md of the tree: those that git tracks, or where there is no git, all but what is built."""
+    """Returns every *.md that git tracks; without git, every *.md except those in build folders."""
     try:
         names = subprocess.run(["git", "-c", f"safe.directory={ROOT}", "ls-files", "-z", "--cached", "--others", "--exclude-standard",
                                 "*.md"], cwd=ROOT, capture_output=True, check=True).stdout.decode().split("\0")
@@ -34,7 +34,7 @@ def documents():
 
 
 def lines_outside_code(text):
-    """-> (line number, line) of what is not in a fenced block."""
+    """Returns (line number, line) of everything outside fenced blocks."""
     inside = False
     for number, line in enumerate(text.splitlines(), 1):
         if FENCE.match(line.lstrip()):
@@ -44,19 +44,19 @@ def lines_outside_code(text):
 
 
 def links(path):
-    """-> (line number, where it leads) of all links and pictures, tags included."""
+    """Returns (line number, target) of all links and pictures, including HTML tags."""
     text = path.read_text(encoding="utf-8")
     prose = [""] * len(text.splitlines())
     for number, line in lines_outside_code(text):
-        prose[number - 1] = re.sub(r"`[^`]*`", lambda code: code.group().replace("](", "] ("), line)  # not a link, but text about one
-    prose = "\n".join(prose)  # a link may be broken over lines
+        prose[number - 1] = re.sub(r"`[^`]*`", lambda code: code.group().replace("](", "] ("), line)  # text about a link is no link
+    prose = "\n".join(prose)  # a link may span lines
     for pattern in (INLINE, DEFINITION, TAG):
         for match in pattern.finditer(prose):
             yield prose.count("\n", 0, match.start(1)) + 1, match.group(1)
 
 
 def anchors(path):
-    """The anchors that a page's headings get where it is shown."""
+    """Returns the anchors of a page's headings, as sites that show the page make them."""
     out = set()
     for _, line in lines_outside_code(path.read_text(encoding="utf-8")):
         match = HEADING.match(line)
@@ -72,9 +72,9 @@ def anchors(path):
 
 
 def problem_with(path, target):
-    """-> what is wrong with a link of the document `path`, or None."""
+    """Returns what is wrong with a link of the document `path`, or None."""
     if re.match(r"[a-z][a-z0-9+.-]*:", target, re.I) or target.startswith("//"):
-        return None  # elsewhere: not asked
+        return None  # external: not checked
     file, _, anchor = target.partition("#")
     to = (path.parent / urllib.parse.unquote(file)).resolve() if file else path
     if not to.is_relative_to(ROOT):
@@ -87,7 +87,7 @@ def problem_with(path, target):
 
 
 def commands(path):
-    """-> (line number, words) of each `vsplat ...` in a fenced block of shell, comments left out, continued lines joined."""
+    """Returns (line number, words) of each `vsplat ...` in a fenced block of shell code, without comments, with continued lines joined."""
     shell, text, begin = False, "", 0
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         if FENCE.match(line.lstrip()):
@@ -107,14 +107,14 @@ def commands(path):
 
 
 def source_text():
-    """All sources and scripts, one after the other."""
+    """Returns all sources and scripts, concatenated."""
     files = [p for folder in (".ci", "bench", "cmake", "examples", "model", "runtime", "tests") for p in sorted((ROOT / folder).rglob("*"))
              if p.is_file() and (p.suffix in SOURCES or folder == ".ci")]
     return "".join(p.read_text(encoding="utf-8", errors="replace") for p in [ROOT / "CMakeLists.txt", *files])
 
 
 def found(folder, pattern):
-    """Whether `a/b.{h,cpp}`, `a/*.cl`, `a/b` or `a/b` without its ending is there."""
+    """Whether `a/b.{h,cpp}`, `a/*.cl`, `a/b`, or `a/b` without its ending exists."""
     braces = re.search(r"\{([^}]*)\}", pattern)
     if braces:
         return all(found(folder, pattern.replace(braces.group(), part, 1)) for part in braces.group(1).split(","))
@@ -165,8 +165,8 @@ class Documents(unittest.TestCase):
             self.assertIsNone(problem_with(readme, target), target)
 
     def test_functions_and_files_exist(self):
-        """`name()`, `Class::name()` and `folder/file` of the documents are there; paths from the root, or from the page's folder, and
-        without their ending, if they like. What is inside a data set or a run's folder is not looked for."""
+        """`name()`, `Class::name()` and `folder/file` in the documents exist; paths are relative to the root or to the page's folder, and may lack
+        their ending. Paths inside a data set or a run's folder are not checked."""
         words = set(re.findall(r"\w+", source_text()))
         top = {p.name for p in ROOT.iterdir() if p.is_dir()}
         checked, wrong = 0, []
@@ -187,7 +187,7 @@ class Documents(unittest.TestCase):
         self.assertGreater(checked, 50)
 
     def test_environment_variables_exist(self):
-        """Each VSPLAT_NAME of the documents stands in a source, too."""
+        """Each VSPLAT_NAME in the documents occurs in a source, too."""
         sources, wrong = source_text(), []
         for path in documents():
             for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
@@ -199,14 +199,14 @@ class Documents(unittest.TestCase):
 
 @unittest.skipUnless(os.environ.get("VSPLAT"), "VSPLAT names no command")
 class Commands(unittest.TestCase):
-    """What the documents call by `vsplat` exists."""
+    """Sub-commands and options that the documents name exist."""
 
     @classmethod
     def setUpClass(cls):
-        cls.known = {}  # command -> its options
+        cls.known = {}  # options of each command
 
     def options(self, *words):
-        """-> the options of a command ("dataset", "render"), or None where there is no such command."""
+        """Returns the options of a command ("dataset", "render"), or None if there is no such command."""
         if words not in self.known:
             done = subprocess.run([os.environ["VSPLAT"], *words, "--help"], capture_output=True, text=True, timeout=60, check=False)
             there = done.returncode == 0 and f"Usage: {' '.join(['vsplat', *words])} " in done.stdout
@@ -241,7 +241,7 @@ class Commands(unittest.TestCase):
         self.assertGreater(checked, 30)
 
     def test_options_that_are_named(self):
-        """`--option` in the text is an option of some command, and every option of every command is named in model/cli/README.md."""
+        """`--option` in the text is an option of some command, and model/cli/README.md names every option of every command."""
         known, wrong, named = self.all_options(), [], set()
         for path in documents():
             for number, line in lines_outside_code(path.read_text(encoding="utf-8")):
@@ -255,7 +255,7 @@ class Commands(unittest.TestCase):
         self.assertEqual(sorted(full - named), [])
 
     def test_the_table_of_sizes_is_what_models_have(self):
-        """The columns of `small`, with which a training begins, and of the model inside."""
+        """The table's columns for `small`, with which a training begins, and for the built-in model."""
         run = lambda *args: subprocess.run([os.environ["VSPLAT"], *args], capture_output=True, text=True, timeout=60, check=True).stdout
         inside = json.loads(run("weights", "info", "--json"))["config"]
         rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]+) \| ([^|]+) \| ([^|]+) \| [^|]+ \|$",

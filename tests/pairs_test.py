@@ -1,6 +1,6 @@
-"""Operations: every *_forward and *_backward of model/ops and model/networks/layers/layers.h is one of a pair in one header, the forward first,
-and so are the kernels; an operation's files go by one stem, and its benchmark runs all that its header declares. Exceptions stand here,
-each with its reason."""
+"""Operations: every *_forward and *_backward of model/ops and model/networks/layers/layers.h is part of a pair in one header, the forward
+first, and so are the kernels; an operation's files share one stem, and its benchmark runs every operation that its header declares.
+Exceptions are listed here, each with its reason."""
 import pathlib
 import re
 import unittest
@@ -15,7 +15,7 @@ FORWARD_ALONE = {
 }
 # Operations that are not named after their header.
 IN_HEADER = {
-    "modulate": "layernorm",  # a LayerNorm with a scale and a shift for each token, by the same kernels
+    "modulate": "layernorm",  # a LayerNorm with a scale and a shift for each token, with the same kernels
     "submanifold": "sparse_conv",  # beside sparse_map, the other half of sparse convolutions
 }
 KERNELS_BACKWARD_ALONE = {
@@ -23,7 +23,7 @@ KERNELS_BACKWARD_ALONE = {
     "loss": "loss_value and those before it are the forward, of which the backward takes most",
     "submanifold": "the forward is a GEMM over a map",
 }
-# Files of a stem that are not there.
+# Files that a stem lacks.
 WITHOUT = {
     "add_columns": {"reference": "a sum, which the test writes down"},
     "area_mean": {"reference": "a mean, which the test writes down"},
@@ -37,8 +37,8 @@ WITHOUT = {
     "visible": {"reference": "what is counted, which the test counts"},
 }
 
-# What a header declares beside operations, which no benchmark times.
-NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|upload_views|gpu_tile")  # they make, pack, choose
+# Functions in headers that are not operations, and that no benchmark times.
+NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|upload_views|gpu_tile")  # they make, pack or choose
 
 DECLARATION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)_(forward|backward)(?:_\w+)?\(Context& ctx", re.M)
 STRUCT = re.compile(r"^struct (\w+?)(Forward|Backward)\w* \{", re.M)
@@ -51,7 +51,7 @@ def without_comments(text):
 
 
 def pair_problems(headers):
-    """headers {name: text} -> what is wrong with the pairs that they declare, a line each."""
+    """headers {name: text}. Returns what is wrong with the pairs that they declare, one line each."""
     found, problems = {}, []
     for header, text in headers.items():
         text = without_comments(text)
@@ -62,7 +62,7 @@ def pair_problems(headers):
     for (is_struct, name), sides in sorted(found.items()):
         forward, backward = (f"{name}{side.capitalize()}" if is_struct else f"{name}_{side}()" for side in ("forward", "backward"))
         if "forward" not in sides:
-            if not is_struct or sides["backward"][0][0] != LAYERS.name:  # layers' forwards take their few arguments one by one
+            if not is_struct or sides["backward"][0][0] != LAYERS.name:  # forwards of layers take their few arguments separately
                 problems.append(f"{sides['backward'][0][0]}: {backward} without {forward}")
         elif "backward" not in sides:
             if name.lower().replace("_", "") not in {one.replace("_", "") for one in FORWARD_ALONE}:
@@ -78,7 +78,7 @@ def pair_problems(headers):
 
 
 def kernel_problems(sources):
-    """sources {name: text of cl/*.cl} -> what is wrong with the names of their kernels."""
+    """sources {name: text of cl/*.cl}. Returns what is wrong with the names of their kernels."""
     kernels = {kernel: source for source, text in sources.items() for kernel in KERNEL.findall(without_comments(text))}
     problems = []
     for kernel, source in sorted(kernels.items()):
@@ -91,7 +91,7 @@ def kernel_problems(sources):
 
 
 def benchmark_problems(headers, benchmarks, table):
-    """headers, benchmarks {stem: text}, the text with the table of suites -> what `vsplat bench STEM` does not time, a line each."""
+    """headers and benchmarks {stem: text}, the text with the table of suites. Returns what `vsplat bench STEM` does not time, one line each."""
     problems = []
     for stem, text in headers.items():
         if f'{{"{stem}", {stem}_cases}}' not in table:
@@ -147,7 +147,7 @@ class Pairs(unittest.TestCase):
 
 
     def test_kernels_know_their_place_in_a_launch_of_parts(self):
-        """What OpenCL counts groups and sizes by are those of a part alone: see runtime/launch_parts.h."""
+        """Kernels do not use OpenCL's own counts of groups and sizes, which are those of a part of the launch: see runtime/launch_parts.h."""
         for path in sorted((ROOT / "cl").rglob("*.cl*")):
             if path.name == "common.clh":  # GROUP_ID
                 continue
@@ -156,7 +156,7 @@ class Pairs(unittest.TestCase):
 
 
 class Faults(unittest.TestCase):
-    """What this test is there to find, it finds."""
+    """The checks of this test find planted mistakes."""
     GOOD = ("struct TurnForward {\n};\nvoid turn_forward(Context& ctx, const TurnForward& a);\n"
             "struct TurnBackward {\n};\nvoid turn_backward(Context& ctx, const TurnBackward& a);\n")
 

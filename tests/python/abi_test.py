@@ -1,6 +1,6 @@
-"""The binary interface against the one that is committed (abi.txt): what a program that was linked before relies on stays as it is.
+"""The binary interface, compared with the committed one (abi.txt): what programs linked earlier rely on must not change.
 
-What is added is written there with `abi_test.py --write`, in the commit that adds it; what is gone or has changed takes a new VSPLAT_SOVERSION."""
+`abi_test.py --write` adds new entries, in the commit that adds them; removing or changing an entry needs a new VSPLAT_SOVERSION."""
 import ctypes as c
 import os
 import pathlib
@@ -15,7 +15,7 @@ BASELINE = pathlib.Path(__file__).with_name("abi.txt")
 
 
 def interface(headers):
-    """One line for each thing that a compiled program has in it."""
+    """Yields one line for each property that a compiled program contains."""
     out = set()
     for function in headers.functions.values():
         types = ", ".join(f"{'const ' if p.const else ''}{p.base}{'*' * p.stars}{'[]' * len(p.lengths)}" for p in function.parameters)
@@ -24,7 +24,7 @@ def interface(headers):
         for field in headers.fields[name]:
             at = getattr(struct, field.name)
             out.add(f"field {name}.{field.name}: {at.size} bytes at {at.offset}, {'const ' if field.const else ''}{field.base}{'*' * field.stars}")
-        # Those that others hold, and those without a size of their own, have the size that they have for good.
+        # Structs that are embedded in others, and those without a size field, keep their size forever.
         held = any(f.base == name and not f.stars for fields in headers.fields.values() for f in fields)
         if held or headers.fields[name][0].name != "size":
             out.add(f"size {name}: {c.sizeof(struct)} bytes, fixed")
@@ -54,7 +54,7 @@ class Abi(unittest.TestCase):
         declared = {line.split()[1].rstrip(":") for line in self.now if line.startswith("function ")}
         inline = {name for name in declared if not any(s.startswith(name + "@") for s in symbols)}
         self.assertEqual(inline, set(), "declared, and not in the library")
-        # The kernels' sources, for this tree's own tests, which link what is inside beside the library.
+        # The kernels' sources, for this tree's own tests, which link the internals beside the library.
         self.assertEqual({re.sub("@.*", "", s) for s in symbols} - {"vsplat_embedded_files"}, declared)
         self.assertEqual({re.sub(".*@@", "", s) for s in symbols}, {"VSPLAT_0.2"})
 

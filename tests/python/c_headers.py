@@ -1,6 +1,6 @@
-"""The public C headers for ctypes: their constants, handles, structs with the _INIT macros, function types and functions, as they stand there.
+"""The public C headers for ctypes: their constants, handles, structs with the _INIT macros, function types and functions, as declared.
 
-Whatever the headers declare in a way that is not known here is an Unknown with the text, so that nothing is passed over silently."""
+A declaration that this parser does not know becomes an Unknown with its text, so that nothing is skipped silently."""
 import ctypes as c
 import dataclasses
 import pathlib
@@ -9,7 +9,7 @@ import re
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "model/api/include/vsplat"
 BASE = {"char": c.c_char, "uint8_t": c.c_uint8, "int32_t": c.c_int32, "int64_t": c.c_int64, "uint32_t": c.c_uint32, "uint64_t": c.c_uint64, "size_t": c.c_size_t,
         "float": c.c_float, "double": c.c_double, "cl_uint": c.c_uint32}
-OPAQUE = ("cl_context", "cl_device_id", "cl_command_queue", "cl_mem", "cl_event")  # OpenCL's, pointers all
+OPAQUE = ("cl_context", "cl_device_id", "cl_command_queue", "cl_mem", "cl_event")  # OpenCL's types, all pointers
 
 
 class Unknown(Exception):
@@ -20,9 +20,9 @@ class Unknown(Exception):
 class Declared:
     """A parameter or a field."""
     name: str
-    base: str  # the type's name without const and stars; of a function in place the declaration
+    base: str  # the type's name without const and stars; for an inline function type the declaration
     stars: int
-    const: bool  # what it points to is not written
+    const: bool  # the memory that it points to is not written
     lengths: tuple  # of arrays
     ctype: type
 
@@ -36,7 +36,7 @@ class Function:
     name: str
     returns: str
     parameters: list
-    comment: str  # the one above it
+    comment: str  # the comment above it
 
 
 class Headers:
@@ -90,7 +90,7 @@ class Headers:
         return c.CFUNCTYPE(self._type(returns.strip(), 0), *types)
 
     def _line(self, line):
-        """What a line declares: one name or more of a type."""
+        """Parses a line's declaration of one or more names of a type."""
         line = line.strip()
         if m := re.fullmatch(r"(.*?)\(\*(\w+)\)\((.*)\)", line):
             self.prototypes[f"({m[2]})({m[3]})"] = self._prototype(m[1], m[3])
@@ -123,7 +123,7 @@ class Headers:
         raise Unknown(f"a type that tests/python/c_headers.py does not know: {name}")
 
     def bind(self, library):
-        """The library's functions with the headers' types."""
+        """Loads the library's functions with the headers' types."""
         out = {}
         for function in self.functions.values():
             out[function.name] = entry = getattr(library, function.name)
@@ -132,7 +132,7 @@ class Headers:
         return out
 
     def struct(self, name, **values):
-        """One as its _INIT macro makes it."""
+        """Returns a struct with the values of its _INIT macro."""
         init = re.sub(r"\b\w+_INIT\b", lambda m: self.inits[m[0]], self.inits[name.upper() + "_INIT"])
         tokens = re.findall(r'sizeof\(\w+\)|[{},]|"[^"]*"|[-\w.]+', init)
         out = self.structs[name]()
@@ -154,7 +154,7 @@ class Headers:
                 tokens.pop(0)
             inner = None if isinstance(out, c.Array) else dict(out._fields_)[place]
             if tokens[0] == "{" and inner and issubclass(inner, c.Array) and inner._type_ is c.c_char:
-                del tokens[:tokens.index("}") + 1]  # {0}: as it is
+                del tokens[:tokens.index("}") + 1]  # {0}: unchanged
                 continue
             if tokens[0] == "{":
                 self._fill(out[place] if isinstance(out, c.Array) else getattr(out, place), tokens)
@@ -174,14 +174,14 @@ class Headers:
 
 
 def _in_order(folder):
-    """Each header behind those that it includes."""
+    """Sorts headers after those that they include."""
     out = []
 
     def visit(file):
         if file in out:
             return
         for name in re.findall(r"^#include <vsplat/(\w+\.h)>", file.read_text(), flags=re.M):
-            if (folder / name).exists():  # two are made when the library is built
+            if (folder / name).exists():  # two headers are made by the build
                 visit(folder / name)
         out.append(file)
 
@@ -191,7 +191,7 @@ def _in_order(folder):
 
 
 def _split(text):
-    """At commas outside parentheses."""
+    """Splits at commas outside parentheses."""
     out, depth = [""], 0
     for letter in text:
         depth += (letter == "(") - (letter == ")")
@@ -203,7 +203,7 @@ def _split(text):
 
 
 def set_field(struct, name, value):
-    """A field's value; what it points to is kept with the struct."""
+    """Sets a field's value; the memory that it points to is stored with the struct."""
     type_ = dict(struct._fields_)[name]
     if type_ is c.c_void_p and value is not None and not isinstance(value, int):
         kept = struct.__dict__.setdefault("kept", [])

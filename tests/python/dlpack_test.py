@@ -1,4 +1,4 @@
-"""examples/python: memory that it shares with others through DLPack and OpenCL, on the host and on the device."""
+"""examples/python: memory shared with other programs through DLPack and OpenCL, on the host and on the device."""
 import ctypes as c
 import datetime
 import gc
@@ -34,16 +34,16 @@ def gaussians():
 
 
 class Tensor(c.Structure):
-    """DLManagedTensor, as dlpack.h has it."""
+    """DLManagedTensor, as in dlpack.h."""
     _fields_ = [("data", c.c_void_p), ("device_type", c.c_int32), ("device_id", c.c_int32), ("ndim", c.c_int32), ("code", c.c_uint8),
                 ("bits", c.c_uint8), ("lanes", c.c_uint16), ("shape", c.POINTER(c.c_int64)), ("strides", c.POINTER(c.c_int64)),
                 ("byte_offset", c.c_uint64), ("context", c.c_void_p), ("deleter", c.c_void_p)]
 
 
 class Foreign:
-    """A tensor of somebody else's, made by hand. `deleted` counts the calls of its deleter."""
+    """A tensor of another program, made by hand. `deleted` counts the calls of its deleter."""
 
-    _all = []  # (a deleter in Python may not go before who calls it)
+    _all = []  # (a deleter in Python must outlive its caller)
 
     def __init__(self, data, shape, strides=None, device=1, code=2, bits=32, lanes=1, offset=0):
         self._all.append(self)
@@ -90,7 +90,7 @@ class OnTheHost(unittest.TestCase):
         colour = picture.colour.copy()
         del picture
         gc.collect()
-        np.testing.assert_array_equal(shared, colour)  # the memory stays
+        np.testing.assert_array_equal(shared, colour)  # the memory stays valid
         with self.assertRaisesRegex(vsplat.UsageError, "no colour"):
             self.device.render(self.scene, camera(), colour=False).__dlpack__()
 
@@ -105,7 +105,7 @@ class OnTheHost(unittest.TestCase):
             view = taken[-1:]
             del taken
             gc.collect()
-            self.assertEqual(tensor.deleted, 0)  # a part of it is looked at
+            self.assertEqual(tensor.deleted, 0)  # a part of it is still in use
             del view
             gc.collect()
             self.assertEqual(tensor.deleted, 1)
@@ -242,7 +242,7 @@ class OnTheDevice(unittest.TestCase):
         np.testing.assert_array_equal(made.arrays().sh, -self.scene.arrays().sh)
 
     def test_another_program_opens_and_shares(self):
-        """A device on the context of another, and what is in it seen by both through DLPack."""
+        """A device on another device's context; both see the same memory through DLPack."""
         context, device, queue = self.device.opencl
         beside = vsplat.Device.beside(context, device, queue)
         self.assertEqual(beside.opencl, (context, device, queue))
@@ -265,7 +265,7 @@ class OnTheDevice(unittest.TestCase):
         capsule = first.__dlpack__()
         del first
         gc.collect()
-        self.assertIsNotNone(gone())  # the capsule has it
+        self.assertIsNotNone(gone())  # the capsule keeps it alive
         second = vsplat.Buffer.from_dlpack(self.device, capsule)
         with self.assertRaisesRegex(vsplat.UsageError, "used before"):
             vsplat.Buffer.from_dlpack(self.device, capsule)

@@ -1,6 +1,6 @@
-"""For every parameter of the C interface a value that is right: handles, files, and what the others are by their names.
+"""Valid values for every parameter of the C interface: handles, files, and others by their names.
 
-A parameter of a name and type that is not here is an Unknown: a new function says here what it is to be called with."""
+A parameter whose name and type are not known here is an Unknown: a new function needs an entry."""
 import ctypes as c
 import json
 import os
@@ -11,7 +11,7 @@ from c_headers import Headers, Unknown, set_field
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
 GOLDEN = pathlib.Path(__file__).resolve().parents[1] / "golden"
-# Whether what takes long is done to its end.
+# Whether long calls run to their end.
 WHOLE = os.environ.get("VSPLAT_FUNCTIONS") == "whole"
 OK = 0
 EDGE = 16  # pixels of the views
@@ -21,7 +21,7 @@ EDITS = ("scene_append", "scene_transform", "scene_remove", "scene_crop")
 
 
 class Api:
-    """The library by its headers."""
+    """The library, with its headers' declarations."""
 
     def __init__(self):
         self.headers = Headers()
@@ -61,7 +61,7 @@ def train_config():
 
 
 class Handles:
-    """One of each kind, made when first asked for. `orphans`: what each was made from is released at once."""
+    """One handle of each kind, made when first requested. `orphans`: releases at once what each was made from."""
 
     def __init__(self, api, files, orphans=False):
         self.api, self.files, self.orphans, self.all, self.temporary = api, files, orphans, {}, []
@@ -87,7 +87,7 @@ class Handles:
         return out
 
     def part(self, kind):
-        """What another is made from."""
+        """Makes the objects that another is made from."""
         if not self.orphans:
             return self[kind]
         out = self.make(kind)
@@ -98,7 +98,7 @@ class Handles:
         return self.api.made("vsplat_stream_create", self.opened)
 
     def orphan_device(self):
-        """In place of the device that was opened a stream of it."""
+        """Replaces the opened device by a stream of it."""
         stream = self["vsplat_device"]
         self.release("vsplat_device", self.opened)
         self.opened = stream
@@ -115,7 +115,7 @@ class Handles:
             views[i].pixels = c.addressof(pixels)
         out = self.api.made("vsplat_views_create", views, 2)
         if self.orphans:
-            pixels[:] = [9.0] * len(pixels)  # copied, says the header
+            pixels[:] = [9.0] * len(pixels)  # the call has copied them, as the header says
         return out
 
     def vsplat_input(self):
@@ -131,12 +131,12 @@ class Handles:
                              c.byref(self.reconstruction()))
 
     def made_of_values(self):
-        """Another scene."""
+        """Makes another scene."""
         info = self.api.struct("vsplat_scene_info", count=GAUSSIANS)
         return self.api.made("vsplat_scene_create", c.byref(info), c.byref(gaussians(self.api, GAUSSIANS)))
 
     def buffer(self, name):
-        """A cl_mem of its own for each name."""
+        """Makes a separate cl_mem for each name."""
         if name not in self.all:
             theirs = self.api.struct("vsplat_opencl_handles")
             self.api.call("vsplat_opencl_get_handles", self["vsplat_device"], c.byref(theirs))
@@ -146,7 +146,7 @@ class Handles:
         return self.all[name]
 
     def surfels(self):
-        """A scene of them."""
+        """Makes a scene of surfels."""
         arrays = gaussians(self.api, GAUSSIANS)
         flat = (c.c_float * (3 * GAUSSIANS))(*([0.1, 0.1, 0] * GAUSSIANS))
         set_field(arrays, "scales", flat)
@@ -190,7 +190,7 @@ class Handles:
 
 
 class Files:
-    """What paths lead to, made with the library."""
+    """Files and folders for path parameters, made with the library."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
@@ -213,7 +213,7 @@ class Files:
         api.call("vsplat_train", handles["vsplat_device"], train_config(), c.byref(run), None)
 
     def output(self):
-        """A folder that is there, and a path in it that is not."""
+        """An existing folder, and a path in it that does not exist."""
         self.outputs += 1
         folder = self.folder / f"out-{self.outputs}"
         folder.mkdir()
@@ -232,7 +232,7 @@ def picture(api):
 
 
 def gaussians(api, count):
-    """Values that any scene takes; room for more."""
+    """Values that fit any scene, with extra capacity."""
     out = api.struct("vsplat_gaussians", capacity=count)
     for field, value in (("means", 0.1), ("scales", 0.1), ("rotations", 0.5), ("opacities", 0.5), ("sh", 0.1)):
         set_field(out, field, floats(value))
@@ -240,7 +240,7 @@ def gaussians(api, count):
 
 
 class Values:
-    """The arguments of a function, as ctypes takes them; `device`: in place of the handles' own."""
+    """Makes a function's arguments for ctypes; `device` replaces that of the handles."""
 
     PATHS = {"cameras_load": "photos", "cameras_load_with": "photos", "views_load": "photos", "views_load_with": "photos", "mesh_load": "mesh", "model_load": "model", "model_import": "checkpoint",
              "model_inspect": "model", "model_verify": "model", "scene_load": "scene", "scene_load_with": "scene",
@@ -255,10 +255,10 @@ class Values:
         self.api, self.files, self.handles = api, files, handles
 
     def of(self, function):
-        """-> the arguments, and the folders that the function may write into, which are empty."""
+        """Returns the arguments, and the empty folders that the function may write into."""
         first = self.files.outputs
         out = [self.value(function, p) for p in function.parameters]
-        if function.name.endswith("_release"):  # one count more, which it takes
+        if function.name.endswith("_release"):  # an additional reference, which the call releases
             self.api.functions[function.name.replace("_release", "_retain")](out[0])
         return out, [self.files.folder / f"out-{i + 1}" for i in range(first, self.files.outputs)]
 
@@ -269,9 +269,9 @@ class Values:
             if name == "vsplat_scene_surfels_to_gaussians":
                 self.handles.all["surfels"] = self.handles.all.get("surfels") or self.handles.surfels()
                 return self.handles["surfels"]
-            if short in EDITS and p.name == "scene":  # changed by it
+            if short in EDITS and p.name == "scene":  # the call changes it
                 return self.handles.made_of_values()
-            if p.base == "vsplat_animation":  # done when it is saved
+            if p.base == "vsplat_animation":  # finished once it is saved
                 return self.handles.make(p.base)
             if name == "vsplat_device_profile_get":
                 self.record(self.handles[p.base])
@@ -346,7 +346,7 @@ class Values:
         return out
 
     def ending(self):
-        """A progress function that ends what calls it."""
+        """A progress function that stops its call."""
         out = self.api.headers.prototypes["vsplat_progress_function"](lambda user, stage, done: 0)
         self.handles.alive.append(out)
         return c.cast(out, c.c_void_p).value
@@ -358,7 +358,7 @@ class Values:
         self.api.call("vsplat_device_profile", device, 0)
 
     def event(self):
-        """One of a drawing that is done or will be."""
+        """A job that draws, finished or not."""
         if "event" not in self.handles.all:
             self.handles.all["event"] = self.api.made("vsplat_opencl_render", self.handles["vsplat_device"], self.handles["vsplat_scene"],
                                                       c.byref(camera(self.api)), None,

@@ -1,15 +1,16 @@
-"""Every function of the C interface, as the headers declare them, tried with what a caller may get wrong: NULL for each argument, structs of
-other sizes, a device that a job, another thread or the call itself has, after vsplat_device_cancel, and after everything was released that
-its handles were made from. The statuses are those that the headers document:
+"""Every function of the C interface, as the headers declare it, called with mistakes that a caller may make: NULL for each argument, structs of
+other sizes, a device that a job, another thread or the call itself is using; also after vsplat_device_cancel, and after everything that its
+handles were made from was released. The expected statuses are those that the headers document:
 
-  - an argument that a function's comment says may be NULL may be, and so may `options`; any other is VSPLAT_ERROR_USAGE, with a sentence
-    that names it;
-  - a struct's size of 0 or 1, or one that ends within a field, is VSPLAT_ERROR_USAGE; a newer caller's larger struct works, and what is not the library's stays as it was;
-  - what ends with an error writes nothing through out_ pointers, no file, and launches no kernel;
-  - what takes a device, or a handle made with one, ends with VSPLAT_ERROR_BUSY at once where another call has it.
+  - NULL is valid for an argument if the function's comment says that it may be NULL, and for `options`; for any other argument it is
+    VSPLAT_ERROR_USAGE, with a message that names the argument;
+  - a struct size of 0 or 1, or one that ends within a field, is VSPLAT_ERROR_USAGE; a newer caller's larger struct works, and its additional
+    bytes stay unchanged;
+  - a call that ends with an error writes nothing through out_ pointers and no file, and launches no kernel;
+  - a call that uses a device, or a handle made with one, ends with VSPLAT_ERROR_BUSY at once if another call is using it.
 
-What these rules do not tell stands in the tables below. With -v the whole table is printed: function, trial, status.
-The trials run in a process of their own, so that a crash is told with the function's name and the others go on."""
+The tables below have the exceptions. -v prints the whole table: function, trial, status.
+The trials run in a separate process, so that a crash is reported with the function's name and the others continue."""
 import ctypes as c
 import json
 import os
@@ -26,34 +27,34 @@ from c_headers import Headers, Unknown
 from functions_fixtures import WHOLE, Api, Files, Handles, Values
 
 OK, USAGE, FILE, CANCELLED, BUSY = 0, 1, 2, 8, 10
-BEYOND = 64  # bytes that a newer caller's struct has more
+BEYOND = 64  # additional bytes of a newer caller's struct
 GUARD = 0xA5
 
-# (function, parameter): statuses of NULL where the comment's words do not tell them.
+# (function, parameter): statuses for NULL if the comment does not state them in the usual words.
 NULL = {
-    ("vsplat_model_load", "path"): (OK, FILE),  # the model inside, if there is one
+    ("vsplat_model_load", "path"): (OK, FILE),  # the built-in model, if there is one
     ("vsplat_model_inspect", "path"): (OK, FILE),
     ("vsplat_model_verify", "path"): (OK, FILE),
-    ("vsplat_train", "options"): (USAGE,),  # it has to say where
-    ("vsplat_refinement_create", "options"): (USAGE,),  # and with what it begins
+    ("vsplat_train", "options"): (USAGE,),  # they state where to write
+    ("vsplat_refinement_create", "options"): (USAGE,),  # they state what to start from
     ("vsplat_scene_create", "arrays"): (USAGE,),  # "none may be"
-    # For these the comment says what their fields may be.
+    # For these the comment describes their fields.
     ("vsplat_render_backward", "gradient"): (USAGE,),
     ("vsplat_opencl_render_backward", "gradient"): (USAGE,),
     ("vsplat_opencl_render_backward", "out"): (USAGE,),
 }
-# With no argument at all: what needs none.
+# Called with all arguments NULL or 0: functions for which that is valid.
 ZERO = {"vsplat_set_host_memory": (OK,), "vsplat_profile_begin": (OK,),
         "vsplat_get_host_memory": (OK,), "vsplat_file_rules_set": (OK,), "vsplat_model_inspect": (OK, FILE)}
-# Tried with VSPLAT_FUNCTIONS=whole alone, as the slow test functions_whole is: (function, trial), and why.
+# Only called with VSPLAT_FUNCTIONS=whole, as by the slow test functions_whole: (function, trial), and why.
 DEAR = {("vsplat_mesh_write_views", "options NULL"): "by default 40 pictures of 512 x 512, eight seconds; tests/cli/dataset_test.py has them",
         ("vsplat_selftest", "options NULL"): "a whole self-test; quick ones are in tests/cli/selftest_test.py",
         ("vsplat_tune", "options NULL"): "by default it searches for 50 seconds"}
-# Whole with VSPLAT_FUNCTIONS=whole alone; else their progress function ends them.
+# Run to their end only with VSPLAT_FUNCTIONS=whole; otherwise their progress function stops them.
 ENDED = ("vsplat_selftest",)
-# Parameters that are the caller's own, or NULL anyway.
+# Parameters of the caller's own, which may always be NULL.
 UNTRIED = ("user",)
-# They take no device, says the head of vsplat.h, and jobs wait for their turn behind jobs.
+# As the comment in vsplat.h says, these do not use the device; and jobs wait for other jobs.
 WHILE_TAKEN = ("vsplat_device_retain", "vsplat_device_release", "vsplat_device_get_info", "vsplat_device_cancel", "vsplat_stream_create",
                "vsplat_opencl_get_handles", "vsplat_refinement_retain", "vsplat_refinement_release")
 BEHIND_JOBS = ("vsplat_reconstruct_async", "vsplat_render_async")
@@ -61,7 +62,7 @@ TAKEN_BY = ("vsplat_device", "vsplat_refinement")
 
 
 def may_be_null(function, p):
-    """By the comment above the function: the parameter and NULL in a sentence, or out_ pointers of which either may be."""
+    """Decides by the comment above the function: a sentence with the parameter and NULL, or out_ pointers of which either may be NULL."""
     if p.name in ("options", "job_options"):
         return True
     if p.name.startswith("out_") and re.search(r"\b[Ee]ither (out_ pointer )?may be NULL", function.comment):
@@ -78,7 +79,7 @@ def sized(p, headers):
 
 
 def cuts(struct):
-    """Sizes that end within a field, one for each field: at a word's end where one lies in it, as an older library's size would."""
+    """Yields sizes that end within a field, one for each field: at a word's boundary if the field contains one, as for an older library."""
     for name, *_ in struct._fields_[1:]:
         field = getattr(struct, name)
         word = (field.offset // 8 + 1) * 8
@@ -86,7 +87,7 @@ def cuts(struct):
 
 
 def trials(function, headers):
-    """-> (trial, parameter or None, statuses), the same in both processes."""
+    """Returns (trial, parameter or None, statuses), the same in both processes."""
     status = function.returns == "vsplat_status"
     tried = [p for p in function.parameters if is_tried(p, headers)]
     null = {p.name: NULL.get((function.name, p.name), (OK,) if may_be_null(function, p) else (USAGE,)) for p in tried}
@@ -112,7 +113,7 @@ def trials(function, headers):
 
 
 def functions(headers):
-    """Those that are tried: of whole calls those that the quick test has not."""
+    """Returns the functions to call; with whole calls, only those that the quick test skips."""
     dear = {name for name, _ in DEAR} | {*ENDED}
     return [f for f in headers.functions.values() if not WHOLE or f.name in dear]
 
@@ -125,7 +126,7 @@ def memory_of(value):
 
 
 def larger(value):
-    """The same structs as of a caller whose are larger."""
+    """Returns the same structs as a caller with larger structs would pass them."""
     array = isinstance(value, c.Array)
     each = c.sizeof(value._type_ if array else value)
     count = len(value) if array else 1
@@ -195,7 +196,7 @@ class Worker:
         self.one(function, trial, arguments, folders, statuses, structs, values)
 
     def prepared(self, values, function, trial):
-        """Its arguments; nobody may have said yet what they are."""
+        """Makes a function's arguments; reports one whose values are not known yet."""
         try:
             return values.of(function)
         except Unknown as e:
@@ -203,7 +204,7 @@ class Worker:
             return None, []
 
     def one(self, function, trial, arguments, folders, statuses, structs, values):
-        """A call, and what it may not have done."""
+        """Makes a call, and checks what it must not have done."""
         problems = []
         outs = {p.name: a for p, a in zip(function.parameters, arguments) if p.name.startswith("out_") and a is not None}
         before = {name: bytes(memory_of(a)) for name, a in outs.items()}
@@ -246,7 +247,7 @@ class Worker:
             self.drop(function, arguments, wait=not trial.startswith("device held"))
 
     def drop(self, function, arguments, wait):
-        """What a call has made."""
+        """Releases what a call has made."""
         for p, a in zip(function.parameters, arguments):
             if a is None or not p.name.startswith("out_"):
                 continue
@@ -280,13 +281,13 @@ class Worker:
         return out
 
     def while_held(self, by, held):
-        """A reconstruction has the device for as long as its progress function does not return."""
+        """A reconstruction uses the device until its progress function returns."""
         if not held:
             return
         self.tell("", f"making what the test needs, held by {by}")
         prepared = [(function, trial, *self.prepared(self.values, function, trial), statuses) for function, trial, _, statuses in held]
         prepared = [each for each in prepared if each[2] is not None]
-        prepared.sort(key=lambda h: h[0].name == "vsplat_device_cancel")  # it ends the call that has the device
+        prepared.sort(key=lambda h: h[0].name == "vsplat_device_cancel")  # it stops the call that is using the device
         began, over, failed = threading.Event(), threading.Event(), []
 
         def all_trials():
@@ -331,7 +332,7 @@ class Worker:
             status = end[0]
             if status == OK:
                 self.call["vsplat_scene_release"](out)
-        for job in self.cancelled:  # of which the device is not free yet
+        for job in self.cancelled:  # jobs that may still be using the device
             self.ended(job)
             self.call["vsplat_job_release"](job)
         self.cancelled.clear()
@@ -347,16 +348,16 @@ class Worker:
 
 class Functions(unittest.TestCase):
     maxDiff = None
-    SECONDS = 1200 if WHOLE else 240  # of a process, after which it counts as hanging
+    SECONDS = 1200 if WHOLE else 240  # limit for a process; a longer run counts as hanging
 
     def setUp(self):
-        """What self-tests and searches remember is the test's own: others compute as they did."""
+        """Self-tests and searches store their results in the test's own cache, so that other programs are not affected."""
         cache = tempfile.TemporaryDirectory(prefix="vsplat-cache-")
         self.addCleanup(cache.cleanup)
         self.environment = {**os.environ, "VSPLAT_CACHE_DIR": cache.name}
 
     def worker(self, done):
-        """-> results, None or where it ended too early."""
+        """Returns the results, or None if the process ended early."""
         with tempfile.TemporaryDirectory(prefix="vsplat-functions-") as folder, tempfile.TemporaryFile("w+") as errors:
             process = subprocess.Popen([sys.executable, __file__, "--worker", folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                        stderr=errors, text=True, env=self.environment)

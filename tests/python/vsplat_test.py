@@ -1,4 +1,4 @@
-"""examples/python: the module against the C library that $VSPLAT_LIBRARY names, and where PyTorch is there, against the specification."""
+"""examples/python: the module compared with the C library in $VSPLAT_LIBRARY and, if PyTorch is installed, with the specification."""
 import copy
 import ctypes as c
 import gc
@@ -37,7 +37,7 @@ def gaussians(count=50, functions=4, seed=1):
 
 
 def surfaces(values, at):
-    """Median depths, normals, ids; and pixels where a threshold is so near that rounding decides."""
+    """Median depths, normals and ids; and the pixels so near a threshold that rounding decides."""
     means, scales, quats, opacities, _ = (np.asarray(a, np.float32).astype(float) for a in values)
     median, normal = np.zeros((at.height, at.width)), np.zeros((at.height, at.width, 3))
     ids, unsure = np.full((at.height, at.width), -1), np.zeros((at.height, at.width), bool)
@@ -180,7 +180,7 @@ class Module(unittest.TestCase):
         with self.assertRaises(vsplat.Error) as caught:
             self.device.reconstruct(model, given, progress=lambda stage, done: False)
         self.assertEqual(caught.exception.status, "cancelled")
-        with self.assertRaisesRegex(ZeroDivisionError, "division"):  # what a callback raises comes out again
+        with self.assertRaisesRegex(ZeroDivisionError, "division"):  # an exception in a callback is raised again
             self.device.reconstruct(model, given, progress=lambda stage, done: 1 / 0)
 
     def test_says_what_is_wrong(self):
@@ -198,7 +198,7 @@ class Module(unittest.TestCase):
             vsplat.Views.from_arrays([np.full((33, 40, 3), 255.0)], [camera()])
 
     def test_refuses_what_is_of_another_kind(self):
-        """By the argument's name, before C sees it: it would take any pointer for what it expects, and drop what does not fit."""
+        """Checked by the argument's name before C sees it: C would accept any pointer, and drop bits that do not fit."""
         device, scene = self.device, vsplat.Scene.from_arrays(*gaussians())
         views = vsplat.Views.from_arrays([np.zeros((33, 40, 3))] * 2, [camera(), camera(turn=np.pi)])
         model = vsplat.Model.random("micro")
@@ -260,7 +260,7 @@ class Module(unittest.TestCase):
             self.device.render(scene, camera(), out=np.zeros((33, 40, 3), np.int32))
 
     def test_draws_where_surfaces_are(self):
-        """Against every pixel's Gaussians, one by one, as the definitions have them."""
+        """Compared with every pixel's Gaussians, one by one, by the definitions."""
         values, at = gaussians(30), camera(turn=0.2)
         scene = vsplat.Scene.from_arrays(*values)
         got = self.device.render(scene, at, (0, 0, 0), also=("expected", "median", "normal", "ids"))
@@ -377,7 +377,7 @@ class Module(unittest.TestCase):
         self.assertEqual(last.wait(), "done")
 
     def test_ends_with_a_job(self):
-        """A program that ends while a job runs: it is cancelled, and no callback reaches an interpreter that is gone."""
+        """A program that ends while a job runs: the job is cancelled, and no callback reaches an interpreter that no longer exists."""
         program = f"""if True:
             import sys; sys.path.insert(0, {str(ROOT / "examples" / "python")!r})
             import numpy as np, vsplat
@@ -428,14 +428,14 @@ class Module(unittest.TestCase):
         got = (g.means, g.scales, g.rotations, g.opacities, g.sh)
         r = np.random.default_rng(4)
         along = [r.normal(size=a.shape) for a in values]
-        for kind in (3, 4):  # opacities, by which edges move little, and colours, by which they do not
+        for kind in (3, 4):  # opacities, which move edges little, and colours, which move none
             h = 1e-3
             moved = [[a + (s * h * d if i == kind else 0) for i, (a, d) in enumerate(zip(values, along))] for s in (1, -1)]
             slope = (loss(moved[0]) - loss(moved[1])) / (2 * h)
             self.assertAlmostEqual((got[kind] * along[kind]).sum() / slope, 1, delta=0.02)
 
     def test_gradients_are_those_of_differences_where_no_edge_is(self):
-        """As vsplat/render.h says that they can be tested: Gaussians that cover the whole picture."""
+        """In the way that vsplat/render.h recommends: Gaussians that cover the whole picture."""
         at, r = vsplat.Camera(96, 96, 200, 200, 48, 48), np.random.default_rng(6)
         at.w2c = np.eye(4)
         at.w2c[2, 3] = 4
@@ -457,7 +457,7 @@ class Module(unittest.TestCase):
 
 @unittest.skipIf(torch is None, "needs torch (Debian: python3-torch)")
 class AgainstPyTorch(unittest.TestCase):
-    """Pictures and gradients of the example's autograd.Function against the specification's."""
+    """Pictures and gradients of the example's autograd.Function, compared with the specification's."""
 
     def test_draws_and_differentiates_as_the_specification(self):
         import fit_torch

@@ -1,8 +1,8 @@
 """vsplat from Python: posed photographs in, Gaussians and pictures out, NumPy in and out.
 
-A package on libvsplat's C interface, by ctypes: nothing is compiled, and it serves every Python from 3.9 on. The library
-is $VSPLAT_LIBRARY, else the one that this package was installed with, else the one beside an installed `vsplat` command, else
-where the system looks. Only NumPy is needed; put the folder that holds the package on PYTHONPATH.
+A package on libvsplat's C interface, through ctypes: nothing is compiled, and it runs on every Python from 3.9 on. The library is
+$VSPLAT_LIBRARY, else the one that this package was installed with, else the one beside an installed `vsplat` command, else the one that the
+system finds. It needs only NumPy; put the folder that contains the package on PYTHONPATH.
 
     import vsplat
     device = vsplat.Device()                                # the first GPU, else the first device
@@ -13,14 +13,12 @@ where the system looks. Only NumPy is needed; put the folder that holds the pack
 
 Conventions are the library's: cameras have OpenCV axes (x right, y down, z forward) and pixel centres at +0.5, `w2c` is
 [4, 4], world to camera; pictures are float32 [H, W, C], sRGB-encoded in 0 to 1; K Gaussians, S = (degree + 1)^2.
-Arrays may be anything that NumPy takes, or that has __dlpack__ on the host's memory, as PyTorch's tensors: read where they
-lie, where they are float32 without gaps; `out` is drawn into where it lies. What comes out are NumPy arrays, for
-torch.from_dlpack(picture.colour) and the like. Buffer has values on the device, for programs with OpenCL of their own.
-Failures are vsplat.Error, with the library's sentence and `status`. A Device, a stream of one (Device.stream) and what
-is made with it are used by one thread at a time; while a call runs, other Python threads do.
+Input arrays may be anything that NumPy accepts, or that has __dlpack__ on host memory, such as PyTorch's tensors. Contiguous float32 arrays
+are read in place; `out` is written in place. Results are NumPy arrays; torch.from_dlpack(picture.colour) shares their memory. Buffer holds
+values on the device, for programs that use OpenCL themselves. Failures raise vsplat.Error, with the library's message and `status`. Only
+one thread at a time may use a Device, a stream of one (Device.stream) and what is made with it; other Python threads run during a call.
 
-Training, evaluation, data sets, contact sheets and camera paths are only in the C interface (vsplat/vsplat.h) and the
-command."""
+Training, evaluation, data sets, contact sheets and camera paths are only available in the C interface (vsplat/vsplat.h) and the command."""
 from ._c import Error, UsageError, devices, version
 from ._values import Camera, Gaussians, Picture, compare
 from ._scenes import Input, Model, Scene, Views
@@ -31,5 +29,5 @@ __all__ = ["Buffer", "Camera", "Device", "Error", "Gaussians", "Input", "Job", "
            "devices", "version"]
 
 for _name in __all__:
-    globals()[_name].__module__ = __name__  # as messages and help() show it
+    globals()[_name].__module__ = __name__  # shown like this in messages and by help()
 del _name

@@ -1,4 +1,4 @@
-"""Values on the device, shared with programs that have OpenCL of their own."""
+"""Values on the device, shared with programs that use OpenCL themselves."""
 from __future__ import annotations
 
 import ctypes as c
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 def _device(value: Any) -> Device:
-    from ._devices import Device  # which stands on this module
+    from ._devices import Device  # which imports this module
     return _given(value, Device, "device")
 
 
 class _Pretended:
-    """NumPy makes the capsule, and what frees it, of an array in place of a Buffer's memory, which it never reads."""
+    """Lets NumPy make the capsule, and the code that frees it, for an array in place of a Buffer's memory, which NumPy never reads."""
 
     def __init__(self, buffer: Buffer):
         self.buffer = buffer
@@ -29,14 +29,14 @@ class _Pretended:
 
 
 class Buffer:
-    """Values in an OpenCL buffer of a device's context, for programs that have OpenCL of their own. It exchanges with them by `cl_mem`, and
-    through DLPack (kDLOpenCL, whose data is a cl_mem) in both directions; the memory stays until the last who has it has gone.
+    """Values in an OpenCL buffer of a device's context, for programs that use OpenCL themselves. Exchanges memory with them by `cl_mem`, and
+    through DLPack (kDLOpenCL, whose data is a cl_mem) in both directions; the memory lives as long as its last owner.
 
-    Nobody waits for another's queue: what others write here is to be finished before the library reads it. The library's own calls return
-    when they are finished."""
+    Queues do not wait for each other: finish writing a Buffer before the library reads it. The library's own calls return when they are
+    finished."""
 
     def __init__(self, device: Device, shape: Sequence[int], dtype: Any = "float32"):
-        """A new one, of "float32" or "uint8"; what is in it is undefined."""
+        """Makes a buffer of "float32" or "uint8" with undefined content."""
         self._begin(_device(device), tuple(_whole(n, "shape").value for n in shape), dtype)
         if self._size == 0:
             raise UsageError(f"shape is {list(self.shape)}: OpenCL has no empty buffers")
@@ -54,7 +54,7 @@ class Buffer:
 
     @classmethod
     def from_cl_mem(cls, device: Device, cl_mem: int, shape: Sequence[int], dtype: Any = "float32") -> Buffer:
-        """Another's buffer, which is retained: `cl_mem` as a number (pyopencl's int_ptr)."""
+        """Wraps and retains an existing buffer: `cl_mem` as a number (pyopencl's int_ptr)."""
         self = cls.__new__(cls)
         self._begin(_device(device), tuple(_whole(n, "shape").value for n in shape), dtype)
         self.cl_mem = _whole(cl_mem, "cl_mem").value
@@ -71,8 +71,8 @@ class Buffer:
 
     @classmethod
     def from_dlpack(cls, device: Device, value: Any) -> Buffer:
-        """What has __dlpack__ on OpenCL, or a DLPack capsule of that: the same memory. It is to lie in the device's context, and without
-        gaps."""
+        """Shares the memory of an object with __dlpack__ on OpenCL, or of its DLPack capsule. It must be contiguous, and in the device's
+        context."""
         return cls._of(_device(device), _Taken(value, _DL_OPENCL, "value"), "value")
 
     @classmethod
@@ -111,13 +111,13 @@ class Buffer:
         return capsule
 
     def numpy(self) -> np.ndarray:
-        """A copy on the host."""
+        """Returns a copy on the host."""
         out = np.empty(self.shape, self.dtype)
         self._transfer("clEnqueueReadBuffer", "reading a buffer", out)
         return out
 
     def write(self, values: Any) -> None:
-        """Copies values of this shape and type into it."""
+        """Copies values of this shape and type into the buffer."""
         given = np.ascontiguousarray(_ndarray(values, "values"), dtype=self.dtype)
         if given.shape != self.shape:
             raise UsageError(f"values has the shape {list(given.shape)}: {list(self.shape)} expected")
@@ -129,7 +129,7 @@ class Buffer:
 
 
 def _cl(name: str, result: Any) -> Any:
-    """A function of the OpenCL that the library is linked with."""
+    """Returns a function of the OpenCL that the library is linked with."""
     function = getattr(_lib, name)
     function.restype = result
     return function
@@ -145,7 +145,7 @@ def _cl_call(name: str, doing: str, *args: Any) -> None:
 
 
 def _on_device(device: Device, value: Any, name: str) -> Buffer:
-    """A Buffer, or what has __dlpack__ on OpenCL as one."""
+    """Returns a Buffer; wraps an object that has __dlpack__ on OpenCL."""
     if isinstance(value, Buffer):
         return value
     if not (_is_capsule(value) or hasattr(value, "__dlpack__")):
@@ -154,7 +154,7 @@ def _on_device(device: Device, value: Any, name: str) -> Buffer:
 
 
 def _cl_mem(value: Any, shape: Sequence[int], dtype: str, device: Device, name: str, kept: list[Any]) -> int | None:
-    """That of what is given, which has that shape and goes to `kept`."""
+    """Returns the cl_mem of a value, which must have this shape, and adds the value to `kept`."""
     if value is None:
         return None
     kept.append(_on_device(device, value, name))

@@ -1,4 +1,4 @@
-"""libvsplat by ctypes: the library, its structs, calls and errors."""
+"""libvsplat through ctypes: the library, its structs, calls and errors."""
 from __future__ import annotations
 
 import ctypes as c
@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-"""Told (stage, share done); returns False to stop."""
-
 
 class Error(RuntimeError):
     """A failure in the library. `status`: "usage", "file", "format", "input", "device", "compile", "memory", "cancelled", "internal" or
@@ -24,7 +22,7 @@ class Error(RuntimeError):
 
 
 class UsageError(Error, ValueError):
-    """An Error of status "usage": a value that the call cannot take. (A value of a wrong type is a TypeError.)"""
+    """An Error with status "usage": a value that the call does not accept. (A value of a wrong type is a TypeError.)"""
 
     def __init__(self, text: str):
         super().__init__("usage", text)
@@ -88,7 +86,7 @@ def _number(value: Any, name: str) -> float:
 
 
 def _numbers(values: Any, type_: Any, count: int, name: str) -> Any:
-    """`count` numbers as a C array."""
+    """Returns `count` numbers as a C array."""
     try:
         given = list(values)
     except TypeError:
@@ -99,7 +97,7 @@ def _numbers(values: Any, type_: Any, count: int, name: str) -> Any:
 
 
 def _bytes(text: str | bytes, name: str) -> bytes:
-    """A string for C, where it ends at the first NUL."""
+    """Returns a string for C, which ends at the first NUL."""
     if not isinstance(text, (str, bytes)):
         raise TypeError(f"{name} is {text!r}: a text expected")
     out = os.fsencode(text)
@@ -256,7 +254,7 @@ def _info(s: _DeviceInfo) -> dict[str, Any]:
 
 
 def devices() -> list[dict[str, Any]]:
-    """Every OpenCL device: name, vendor, driver, memory (bytes), type, ..."""
+    """Describes every OpenCL device: name, vendor, driver, memory (bytes), type, ..."""
     count = c.c_size_t()
     _call("device_count", c.byref(count))
     out = []

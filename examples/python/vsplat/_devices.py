@@ -1,4 +1,4 @@
-"""A device, what it computes, and jobs."""
+"""Devices, their computations, and jobs."""
 from __future__ import annotations
 
 import ctypes as c
@@ -38,8 +38,8 @@ class Device(_Handle):
 
     @classmethod
     def beside(cls, context: int, device: int, queue: int = 0, max_memory_gib: float = 0.0, precision: str = "fp32") -> Device:
-        """On a program's own OpenCL: its cl_context, cl_device_id and, where the library is to enqueue there, its cl_command_queue, in order;
-        as numbers (pyopencl's int_ptr)."""
+        """Opens a device on a program's own OpenCL: its cl_context, its cl_device_id and, if the library shall enqueue there, its in-order
+        cl_command_queue; as numbers (pyopencl's int_ptr)."""
         handles = _OpenclHandles(context=_whole(context, "context").value, device=_whole(device, "device").value,
                                  queue=_whole(queue, "queue").value)
         options = _DeviceOptions(max_memory_gib=max_memory_gib, precision=_precision(precision))
@@ -51,7 +51,7 @@ class Device(_Handle):
 
     @property
     def opencl(self) -> tuple[int, int, int]:
-        """Its cl_context, cl_device_id and cl_command_queue, as numbers; they live as long as it does."""
+        """The device's cl_context, cl_device_id and cl_command_queue, as numbers; they live as long as the device."""
         handles = _OpenclHandles()
         _call("opencl_get_handles", self, c.byref(handles))
         return handles.context, handles.device, handles.queue
@@ -181,8 +181,8 @@ class Device(_Handle):
 
     def render_to_buffers(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0, supersample: int = 0,
                           colour: Any = None, alpha: Any = None, depth: Any = None, rgba: Any = None, premultiplied: bool = False) -> None:
-        """render() into memory on the device: Buffers of float32 [H, W, 3], [H, W], [H, W] and uint8 [H, W, 4] (without the background), or
-        what has __dlpack__ on OpenCL. Returns when the picture is there."""
+        """render() into memory on the device: Buffers of float32 [H, W, 3], [H, W], [H, W] and uint8 [H, W, 4] (without the background), or objects
+        with __dlpack__ on OpenCL. Returns when the picture is complete."""
         seen_from, size, kept = _given(camera, Camera, "camera")._struct(), (camera.height, camera.width), []
         picture = _OpenclPicture(premultiplied=bool(premultiplied))
         for name, value, shape, dtype in (("colour", colour, (*size, 3), "float32"), ("alpha", alpha, size, "float32"),
@@ -193,8 +193,8 @@ class Device(_Handle):
 
     def render_backward_to_buffers(self, scene: Scene, camera: Camera, out: Gaussians, colour: Any = None, alpha: Any = None, depth: Any = None,
                                    background: Sequence[float] = (1, 1, 1), near: float = 0.0) -> None:
-        """render_backward() from gradients in memory on the device into such memory: what `out` has, shaped as Gaussians says (of surfels
-        `scales` is [K, 2])."""
+        """render_backward() between gradients in memory on the device: writes the arrays of `out`, shaped as in Gaussians (for surfels `scales`
+        is [K, 2])."""
         seen_from, size, kept = _given(camera, Camera, "camera")._struct(), (camera.height, camera.width), []
         info, by = _given(scene, Scene, "scene")._info(), _OpenclPicture()
         for name, value, shape in (("colour", colour, (*size, 3)), ("alpha", alpha, size), ("depth", depth, size)):
@@ -204,7 +204,7 @@ class Device(_Handle):
         self._finishing("opencl_render_backward", scene, c.byref(seen_from), c.byref(_render_options(background, near)), c.byref(by), c.byref(to))
 
     def scene_from_buffers(self, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, like: Scene | None = None) -> Scene:
-        """Scene.from_arrays() of values in memory on the device: read, checked and copied."""
+        """Scene.from_arrays() for values in memory on the device, which are read, checked and copied."""
         info, kept, handle = _given(like, Scene, "like")._info() if like is not None else _SceneInfo(), [], c.c_void_p()
         first = _on_device(self, sh, "sh")
         if len(first.shape) != 3:
@@ -217,8 +217,8 @@ class Device(_Handle):
         return Scene(handle)
 
     def scene_buffers(self, scene: Scene) -> Gaussians:
-        """Where the scene lies on the device, as Buffers; `scales` of surfels is [K, 2]. Others may read and change it on the device's queue
-        until another scene is drawn, or the device is trimmed; what is drawn next shows the change, and store_buffers() takes it over."""
+        """Returns the scene's memory on the device, as Buffers; `scales` of surfels is [K, 2]. Other programs may read and change it on the
+        device's queue until another scene is drawn or the device is trimmed. Drawing shows the change; store_buffers() copies it to the scene."""
         info, struct = _given(scene, Scene, "scene")._info(), _OpenclGaussians()
         if info.count == 0:
             raise UsageError("the scene has no Gaussians, and no buffers")
@@ -227,7 +227,7 @@ class Device(_Handle):
                             for name, shape in _shapes_there(info, 2 if info.surfels else 3).items()})
 
     def store_buffers(self, scene: Scene) -> None:
-        """Reads what scene_buffers() gave back into the scene."""
+        """Reads the buffers of scene_buffers() back into the scene."""
         _call("opencl_scene_store", self, _given(scene, Scene, "scene"))
 
     def _finishing(self, name: str, *args: Any) -> None:
@@ -311,7 +311,7 @@ class Job(_Handle):
         return self
 
     def __del__(self):
-        if getattr(self, "_as_parameter_", None) and _lib is not None:  # the callback for its end is freed with this
+        if getattr(self, "_as_parameter_", None) and _lib is not None:  # frees the callback for its end, too
             _lib.vsplat_job_wait(self, c.c_double(-1), c.byref(c.c_int()))
         super().__del__()
 

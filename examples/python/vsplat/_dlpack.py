@@ -1,4 +1,4 @@
-"""Arrays of other programs: NumPy's, and what has __dlpack__ or is a DLPack capsule."""
+"""Arrays of other programs: NumPy's, objects with __dlpack__, and DLPack capsules."""
 from __future__ import annotations
 
 import ctypes as c
@@ -28,15 +28,15 @@ _capsule_is = _python("PyCapsule_IsValid", c.c_int, c.py_object, c.c_char_p)
 _capsule_get = _python("PyCapsule_GetPointer", c.c_void_p, c.py_object, c.c_char_p)
 _capsule_rename = _python("PyCapsule_SetName", c.c_int, c.py_object, c.c_char_p)
 _deleter = c.PYFUNCTYPE(None, c.c_void_p)
-_DL_NEW, _DL_USED = b"dltensor", b"used_dltensor"  # (a capsule keeps the pointer to its name)
-_DL_HOST, _DL_OPENCL = (1, 3, 11), (4,)  # the types of devices whose memory the host reads; and OpenCL
+_DL_NEW, _DL_USED = b"dltensor", b"used_dltensor"  # (a capsule stores the pointer to its name)
+_DL_HOST, _DL_OPENCL = (1, 3, 11), (4,)  # device types whose memory the host can read; and OpenCL
 _DL_DEVICES = {1: "the host", 2: "CUDA", 3: "CUDA's memory on the host", 4: "OpenCL", 7: "Vulkan", 8: "Metal", 9: "VPI", 10: "ROCm",
                11: "ROCm's memory on the host", 13: "CUDA's managed memory", 14: "oneAPI", 15: "WebGPU", 16: "Hexagon"}
 _DL_KINDS = {0: "int", 1: "uint", 2: "float", 4: "bfloat", 5: "complex", 6: "bool"}
 
 
 class _Taken:
-    """A tensor that was taken out of a capsule; its memory is given back when this goes."""
+    """A tensor taken out of a capsule; its memory is given back when this is destroyed."""
 
     def __init__(self, value: Any, devices: tuple[int, ...], what: str):
         capsule = value if _is_capsule(value) else self._capsule_of(value, devices, what)
@@ -48,7 +48,7 @@ class _Taken:
         address = _capsule_get(capsule, _DL_NEW)
         managed = _DLManagedTensor.from_address(address)
         self.tensor = managed.tensor
-        self._check(devices, what)  # while the capsule has it
+        self._check(devices, what)  # while the capsule still owns it
         _capsule_rename(capsule, _DL_USED)
         self._address, self._delete = address, managed.deleter
 
@@ -57,7 +57,7 @@ class _Taken:
         try:
             place = int(value.__dlpack_device__()[0]) if hasattr(value, "__dlpack_device__") else devices[0]
             capsule = value.__dlpack__() if place in devices else None
-        except Exception as e:  # noqa: B902: whatever they raise for what they cannot give
+        except Exception as e:  # any error of a producer that cannot share its memory
             raise UsageError(f"{what} cannot be had by DLPack: {e}") from e
         if capsule is None:
             raise _wrong_device(place, devices, what)
@@ -102,10 +102,10 @@ def _wrong_device(found: int, wanted: tuple[int, ...], what: str) -> UsageError:
 
 
 def _ndarray(values: Any, what: str) -> np.ndarray:
-    """As an array: the same memory where it has __dlpack__ or is a DLPack capsule."""
+    """Returns an array; shares the memory of an object with __dlpack__ or of a DLPack capsule."""
     if isinstance(values, np.ndarray):
         return values
-    from ._buffers import Buffer  # which stands on this module
+    from ._buffers import Buffer  # which imports this module
     if isinstance(values, Buffer):
         raise TypeError(f"{what} is a vsplat.Buffer: an array on the host expected, as its numpy() gives one")
     if _is_capsule(values) or hasattr(values, "__dlpack__"):
@@ -115,10 +115,10 @@ def _ndarray(values: Any, what: str) -> np.ndarray:
 
 
 def _array(values: Any, shape: Sequence[int | None], what: str) -> np.ndarray:
-    """float32, contiguous, of that shape (None: any size)."""
+    """Returns a contiguous float32 array of that shape (None: any size)."""
     given = _ndarray(values, what)
     try:
-        out = np.ascontiguousarray(given, dtype=np.float32).reshape(given.shape)  # (it makes [1] of a number)
+        out = np.ascontiguousarray(given, dtype=np.float32).reshape(given.shape)  # (NumPy makes [1] of a number)
     except (TypeError, ValueError):
         raise TypeError(f"{what} holds {given.dtype}: numbers expected") from None
     if out.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, out.shape)):

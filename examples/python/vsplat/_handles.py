@@ -1,4 +1,4 @@
-"""Counted handles of the library, callbacks into Python, and jobs that are still under way."""
+"""Counted handles of the library, callbacks into Python, and unfinished jobs."""
 from __future__ import annotations
 
 import atexit
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ._devices import Job
 
 Progress = Callable[[str, float], Any]
-"""Receives stage and share done; returns False to stop."""
+"""Called with stage and share done; returns False to stop."""
 
 
 def _path(path: str | os.PathLike[str] | None, name: str = "path") -> bytes | None:

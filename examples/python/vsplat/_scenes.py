@@ -1,4 +1,4 @@
-"""What the library holds on the host: models, posed photographs, a network's input, scenes."""
+"""Objects of the library on the host: models, posed photographs, a network's input, scenes."""
 from __future__ import annotations
 
 import ctypes as c
@@ -15,7 +15,7 @@ from ._values import Camera, Gaussians, _PIXELS, _are_rows, _tell_rows
 
 
 def _memory(data: Any) -> Any:
-    """A copy of bytes for C."""
+    """Returns a copy of bytes for C."""
     held = bytes(memoryview(data))
     return (c.c_char * len(held)).from_buffer_copy(held)
 
@@ -34,7 +34,7 @@ class Model(_Handle):
 
     @classmethod
     def random(cls, config: str = "paper", seed: int = 0, system: str = "vsplat", fields: Iterable[str] = ()) -> Model:
-        """A model with random weights; `config`: "paper", "small", "tiny" or "micro"; `fields`: changes to it, "FIELD=VALUE"."""
+        """Makes a model with random weights; `config`: "paper", "small", "tiny" or "micro"; `fields`: changes to it, "FIELD=VALUE"."""
         changes, count = _texts(fields, "fields")
         options = _ModelOptions(config=config, fields=changes, num_fields=count, seed=seed, system=system)
         handle = c.c_void_p()
@@ -43,7 +43,7 @@ class Model(_Handle):
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Model:
-        """A model from the bytes of a model file."""
+        """Loads a model from the bytes of a model file."""
         handle, held = c.c_void_p(), _memory(data)
         _call("model_load_memory", held, c.c_size_t(len(held)), c.byref(handle))
         return cls(handle)
@@ -70,7 +70,7 @@ class Views(_Handle):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], pictures: str | os.PathLike[str] | None = None) -> Views:
-        """A transforms.json, a cameras.json, a COLMAP model, or a folder with one."""
+        """Loads a transforms.json, a cameras.json, a COLMAP model, or a folder with one."""
         handle = c.c_void_p()
         _call("views_load", _path(path), _path(pictures, "pictures"), c.byref(handle))
         return cls(handle)
@@ -178,14 +178,14 @@ class Scene(_Handle):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
-        """Reads a 3DGS PLY, or one of surfels."""
+        """Reads a 3DGS PLY, or a PLY of surfels."""
         handle = c.c_void_p()
         _call("scene_load", _path(path), c.byref(handle))
         return cls(handle)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Scene:
-        """A scene from the bytes of a PLY file."""
+        """Loads a scene from the bytes of a PLY file."""
         handle, held = c.c_void_p(), _memory(data)
         _call("scene_load_memory", held, c.c_size_t(len(held)), None, c.byref(handle))
         return cls(handle)
@@ -235,9 +235,9 @@ class Scene(_Handle):
     @classmethod
     def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float | None = None,
                     up: Sequence[float] | None = None, offset: Sequence[float] | None = None, like: Scene | None = None) -> Scene:
-        """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as in Gaussians. `like`: the scene that the values come from; near plane, up, offset,
-        mirror and whether they are surfels are taken from it unless given. Without it: `near`: the near plane, world units (the usual
-        one by default); `up` (unknown by default); `offset`: the means plus this are in the world (0, 0, 0 by default)."""
+        """Makes a scene from arrays: [K, 3], [K, 3], [K, 4], [K], [K, S, 3], as in Gaussians. `like`: the scene that the values come from; near
+        plane, up, offset, mirror and whether they are surfels are taken from it unless given. Without it: `near`: the near plane in world units
+        (the usual one by default); `up` (unknown by default); `offset`: the means plus this are in the world (0, 0, 0 by default)."""
         arrays = _gaussians_of(means, scales, rotations, opacities, sh)
         info = _given(like, Scene, "like")._info() if like is not None else _SceneInfo()
         info.count, info.sh_degree = len(arrays.means), _degree_of(arrays.sh)

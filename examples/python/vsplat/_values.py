@@ -70,7 +70,7 @@ class Picture:
     ids: np.ndarray | None = None  # int32 [H, W]: index of the nearest Gaussian, -1: none
 
     def __dlpack__(self, **how: Any) -> Any:
-        """That of `colour`; the other arrays have theirs."""
+        """The size of `colour`; the other arrays have their own."""
         return self._colour().__dlpack__(**how)
 
     def __dlpack_device__(self) -> tuple[int, int]:
@@ -160,7 +160,7 @@ def _new_picture(camera: Camera, wanted: tuple[bool, bool, bool], also: Iterable
 
 
 def _are_rows(array: np.ndarray) -> bool:
-    """Whether [H, W, C] lies as the library takes it: without gaps, but for those between rows."""
+    """Whether [H, W, C] has the layout that the library accepts: without gaps, except between rows."""
     if array.ndim != 3:
         return False
     row, pixel, value = array.strides
