@@ -1,11 +1,11 @@
 #!/bin/sh
-# Draws the pictures that the shipped model is trained on, OUTPUT/train and, larger, OUTPUT/train192, and those it is judged by, OUTPUT/test
-# and, larger, OUTPUT/test256: the same bytes as they were. README.md beside this file says what the folders of $VSPLAT_DATA hold and where
-# they come from.
+# Draws the pictures that the shipped model is trained on, OUTPUT/train and, larger, OUTPUT/train192, and the pictures that it is evaluated on,
+# OUTPUT/test and, larger, OUTPUT/test256, with the same bytes as for that model. README.md in this folder describes the folders of $VSPLAT_DATA
+# and their sources.
 #   VSPLAT_DATA=DIR model/weights/make-data.sh OUTPUT
-# VSPLAT names the program, where it is not build/release/bin/vsplat.
+# VSPLAT names the program; default: build/release/bin/vsplat.
 set -eu
-LC_ALL=C  # the order of names, which decides about the patterns
+LC_ALL=C  # the order of names determines the patterns
 export LC_ALL
 if [ $# -ne 1 ] || [ -z "${VSPLAT_DATA-}" ]; then
   echo "usage: VSPLAT_DATA=DIR $0 OUTPUT" >&2
@@ -18,7 +18,7 @@ mkdir -p "$1"
 out=$(cd "$1" && pwd)
 cd "$VSPLAT_DATA"
 
-# The scanned objects that held-out.txt names (yes) or does not name (no), as an object's mesh a line.
+# Lists the meshes of scanned objects, one a line: those that held-out.txt names (yes), or those that it does not name (no).
 objects() {
   for mesh in gso-textured/*/model.obj household/*/model.obj objects/*.glb; do
     case $mesh in
@@ -46,7 +46,7 @@ fi
 "$vsplat" dataset render $train --output "$out/train/scans" --views 40 --size 128 --seed 1
 # shellcheck disable=SC2086
 "$vsplat" dataset render $train --output "$out/train192/scans" --views 40 --size 192 --seed 1
-# Each shape four times, with another pattern each time; larger the first two.
+# Each shape four times, with another pattern each time; the first two larger.
 patterns=$(ls patterns/*.jpg)
 count=$(echo "$patterns" | wc -l)
 i=0

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""The weighted mean of models of one shape, as the shipped one was made: their weights lie near each other where they were trained on from
-the same ones, and the mean is as good as the better or better (README.md beside this file).
+"""Computes the weighted mean of models of one shape, as for the shipped model: models trained further from the same weights stay near each
+other, and their mean is at least as good as the better one (README.md in this folder).
 
     model/weights/mean.py OUT.safetensors MODEL SHARE [MODEL SHARE ...] [--image N]
 
-Values are summed in double and written as F32; shares are scaled to a sum of 1; what else stands in the file (configuration, step, ...) is the
-first model's, without its hash, which `vsplat weights convert` gives again. --image: the pixels that pictures are resampled to, which no
+Values are summed in double and written as F32; shares are scaled to a sum of 1. Everything else in the file (configuration, step, ...) comes
+from the first model, without its hash, which `vsplat weights convert` adds again. --image: the size that pictures are resampled to, which no
 tensor's shape depends on. Needs numpy.
 """
 import argparse
@@ -20,7 +20,7 @@ DTYPES = {"F32": "<f4", "F16": "<f2"}
 
 
 def read(path):
-    """The metadata, and each tensor as doubles."""
+    """Returns the metadata, and each tensor as doubles."""
     with open(path, "rb") as f:
         header = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
         data = f.read()

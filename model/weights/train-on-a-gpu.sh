@@ -1,35 +1,35 @@
 #!/bin/sh
-# Trains for a given time on the GPU of a machine that has its driver and nothing else: no network, no OpenCL loader, no entry that names the
-# driver to one. What cmake/bundle.sh packs is all that it needs there; from a build's tree it runs as well.
+# Trains for a given time on the GPU of a machine that has only the GPU's driver: no network, no OpenCL loader, and no entry that names the
+# driver to a loader. The bundle of cmake/bundle.sh contains everything needed; the script also runs from a build tree.
 #
 #   model/weights/train-on-a-gpu.sh --minutes M --output DIR [OPTION...]
 #
-#   --minutes M         how long all of it may take, from the first check to the last file (a number, 0.5 is half a minute)
+#   --minutes M         total time, from the first check to the last file (a number, 0.5 is half a minute)
 #   --output DIR        where the results go: at most eight files below 16 MiB each for a model of the shipped one's size
 #   --from DIR          continues the training that an earlier call left there; may be the same folder
-#   --config FILE       what vsplat train trains (gpu.json beside this file; with --from that training's)
-#   --init FILE         the model that it begins with (the one inside vsplat); "none": random weights
-#   --piece M           a training is interrupted and resumed after so many minutes (8), and its results written each time
-#   --device NAME       as vsplat takes it (gpu: the first one); "cpu" tries the script out
-#   --data DIR          a data set to train on, carried along; again with --from
-#   --draw N            draws N random objects with all processors before and trains on them, so that none has to wait for its drawing;
-#                       0 (what is used without it): the configuration's share is drawn while training
-#   --textures DIR      pictures for the objects that are drawn while training
-#   --objects N         random objects that it is measured on, before and after (16)
+#   --config FILE       the configuration for vsplat train (gpu.json in this folder; with --from that training's)
+#   --init FILE         the initial model (the built-in one); "none": random weights
+#   --piece M           interrupts and resumes the training after so many minutes (8), and writes its results each time
+#   --device NAME       as for vsplat (gpu: the first one); "cpu" tries the script out
+#   --data DIR          a data set to train on, copied to the machine; again with --from
+#   --draw N            first draws N random objects with all processors, and trains on them, so that the training need not wait for drawing;
+#                       0 (the default): draws the configuration's share during the training
+#   --textures DIR      pictures for the objects that are drawn during the training
+#   --objects N         random objects for the measurement before and after (16)
 #   --work DIR          where it works, and keeps the run (a temporary folder, which is removed)
-#   --part-size KIB     of the files that the training's state is cut into (16320)
+#   --part-size KIB     size of the files that the training's state is cut into (16320)
 #   --check-only        finds and checks the device, and stops
 #
-# The state is state-STEP.part-00 and so on; state.sha256 lists the parts (sha256sum -c), and is written last. Besides: model.safetensors, the
-# averaged weights as F16; log.csv; sheet.png, the newest; summary.json. An interrupt or SIGTERM stops it with what there is by then.
-# VSPLAT names the program, where it is not found beside this file. Exit codes: 0, 1 where something failed, 2 for wrong options.
+# The state is state-STEP.part-00 and so on; state.sha256 lists the parts (sha256sum -c), and is written last. The other files are
+# model.safetensors, the averaged weights as F16; log.csv; sheet.png, the newest; summary.json. An interrupt or SIGTERM stops it with what is
+# done by then. VSPLAT names the program if it is not beside this file. Exit codes: 0, 1 if something failed, 2 for wrong options.
 set -eu
 LC_ALL=C
 export LC_ALL
 
-# What the shipped model reaches on two solids of seed 4711, white pictures as well, and a first step of training from random weights: by
-# PoCL 3.1, both flavours of the kernels. They are what a device has to come near to; a new shipped model needs a new first number, one of another picture
-# size a new second one, too.
+# Results of PoCL 3.1 with both flavours of the kernels: the shipped model on two solids of seed 4711, white pictures, and a first training step
+# from random weights. A device must come near to them. A new shipped model needs a new first number; one with another picture size also a
+# new second one.
 expected_psnr=22.34 expected_white=10.367 expected_loss=1.0084 expected_gradient=0.0834
 
 say() { printf 'train-on-a-gpu: %s\n' "$*" >&2; }
@@ -109,7 +109,7 @@ else
   mkdir -p "$work"
   work=$(cd "$work" && pwd)
 fi
-# An interrupt of the terminal reaches the training itself; what is sent to this script alone is handed on.
+# An interrupt from the terminal reaches the training directly; a signal to this script alone is forwarded.
 child='' stopped=no
 trap 'stopped=yes; [ -n "$child" ] || exit 130' INT
 trap 'stopped=yes; [ -n "$child" ] || exit 143; kill -INT "$child" 2>/dev/null || :' TERM HUP
@@ -163,13 +163,13 @@ cmp -s "$work/check/run-1/model.safetensors" "$work/check/run-2/model.safetensor
 say "check: right, and twice the same bits ($(($(now) - begun)) s)"
 if [ $check_only = yes ]; then exit 0; fi
 
-# --- The run: begun, or what an earlier call has left. Its folder holds config.json, which says what is trained.
+# --- The run: a new one, or the one that an earlier call has left. Its folder holds config.json, which says what is trained.
 run=$work/run
 first_psnr=null earlier_seconds=0 calls=0
 if [ -n "$from" ]; then
   from=$(cd "$from" && pwd) || exit 1
   [ -f "$from/state.sha256" ] || fail "$from/state.sha256 is missing: no training was left there, or not to the end"
-  # (The weights beside the state need not have come along.)
+  # (The weights beside the state may be missing.)
   (cd "$from" && grep '[ *]state-' state.sha256 | sha256sum -c --quiet) >&2 || fail "$from: a part of the state is missing or damaged: see above; nothing was trained"
   rm -rf "$run"
   sed -n 's/^[0-9a-f]* [ *]\(state-.*\)$/\1/p' "$from/state.sha256" | sort >"$work/parts"
@@ -188,14 +188,14 @@ else
   : "${draw:=0}"
 fi
 "$vsplat" train "$work/run.json" --print-config >"$work/full.json" || fail "the configuration is refused: see above"
-# In the last stage, where there are stages.
+# The value in the last stage, if there are stages.
 last() { sed -n "s/^.*\"$1\": *\([0-9]*\).*$/\1/p" "$work/full.json" | tail -n 1; }
 size=$(last image) batch=$(last batch) accumulate=$(last accumulate)
 all_steps=$(sed -n 's/^.*"steps": *\([0-9]*\).*$/\1/p' "$work/full.json" | awk '{ n += $1 } END { print n }')
 
-# draw_objects: the training's own data set, by eight processes with objects and a folder of their own. The same bytes every time.
+# draw_objects: draws the training's own data set, by eight processes with separate objects and folders. The bytes are always the same.
 draw_objects() {
-  drawers=8 # whatever the number of processors: which objects there are follows from it
+  drawers=8 # fixed, since it determines the objects
   each=$(((draw + drawers - 1) / drawers))
   rm -rf "$work/drawn"
   mkdir -p "$work/drawn"
@@ -231,7 +231,7 @@ case $init in
 esac
 if [ "$init" != none ]; then set -- "$@" --init "$init"; fi
 
-# newest FOLDER: of its checkpoints the one of the highest step, or nothing
+# newest FOLDER: its checkpoint with the highest step, or nothing
 newest() { find "$1" -maxdepth 1 -name 'checkpoint-*.safetensors' 2>/dev/null | sort | tail -n 1; }
 # Steps done, over all stages.
 steps_done() {
@@ -284,7 +284,7 @@ summary() {
 }
 END
 }
-# put FILE...: into the output's folder, each whole or not at all
+# put FILE...: copies files to the output's folder, each whole or not at all
 put() {
   for file in "$@"; do
     cp "$file" "$output/.new"
@@ -292,8 +292,8 @@ put() {
   done
 }
 
-# pack: the state and all results into the output's folder. The state's list is written last and names the parts; then the old parts go, so
-# that a call which is killed meanwhile leaves the one state or the other.
+# pack: writes the state and all results to the output's folder. The state's list is written last and names the parts; then old parts are
+# removed, so that a call that is killed in between leaves one complete state.
 pack() {
   summary
   rm -rf "$work/packed"
@@ -311,7 +311,7 @@ pack() {
       newest "$folder"
       find "$folder/sheets" -name 'step-*.png' 2>/dev/null | sort | tail -n 1
     done
-    # A stage's weights are what the next one begins with; otherwise they are in the checkpoint, too.
+    # The next stage begins with a stage's weights; those of the last stage are also in the checkpoint.
     stage=$(find run -maxdepth 1 -name 'stage-*' 2>/dev/null | sort | tail -n 1)
     if [ -n "$stage" ] && [ -f "$stage/model.safetensors" ]; then echo "$stage/model.safetensors"; fi
   ) >"$work/list"
@@ -322,7 +322,7 @@ pack() {
   if [ -f "$model" ]; then # (there is one beside each checkpoint)
     "$vsplat" weights convert "$model" --dtype f16 --output "$work/packed/model.safetensors" --quiet || say "the weights could not be written as F16"
   fi
-  # (Larger than a part: cut as the state is, and listed with it.)
+  # (If larger than a part: cut like the state, and listed with it.)
   if [ -f "$work/packed/model.safetensors" ] && [ "$(wc -c <"$work/packed/model.safetensors")" -gt $((part_size * 1024)) ]; then
     split -b "${part_size}k" -d "$work/packed/model.safetensors" "$work/packed/model.safetensors.part-"
     rm "$work/packed/model.safetensors"
@@ -351,7 +351,7 @@ else
   psnr_before=null
 fi
 [ -n "$first_psnr" ] && [ "$first_psnr" != null ] || first_psnr=$psnr_before
-# Kept for the end: another such measurement and the writing of the results.
+# Reserved for the end: another such measurement, and writing the results.
 measuring=$(($(now) - measuring))
 reserve=$((measuring + 2))
 if [ "$psnr_before" = null ] && [ $reserve -lt $((time / 20)) ]; then reserve=$((time / 20)); fi
@@ -359,7 +359,7 @@ start_steps=$(steps_done)
 calls=$((calls + 1))
 say "PSNR on $objects objects that are not trained on: $psnr_before dB; at step $start_steps of $all_steps, $((end - $(now))) s left, $reserve of them for the end"
 
-# --- Pieces of equal length. One that fails is tried again from the last checkpoint, once.
+# --- Pieces of equal length. A failed piece is tried again once, from the last checkpoint.
 failures=0 pieces=0
 while [ $stopped = no ]; do
   left=$((end - reserve - $(now)))
@@ -406,7 +406,7 @@ if [ $pieces -eq 0 ] && [ $stopped = no ]; then
   say "$minutes minutes leave no time to train: what comes before and after takes $(($(now) - begun + reserve)) s here"
 fi
 if [ $pieces -gt 0 ] && [ $stopped = no ] && [ -f "$run/model.safetensors" ]; then
-  # Measured on the weights that are handed out, so that the next call finds the same value.
+  # Measured with the weights that are written, so that the next call finds the same value.
   if [ -f "$output/model.safetensors" ]; then psnr_after=$(psnr_of after "$output/model.safetensors"); else psnr_after=$(psnr_of after "$run/model.safetensors"); fi
 fi
 mkdir -p "$output"
