@@ -47,7 +47,7 @@ std::vector<Lpips> load_lpips(Context& ctx, const std::string& folder) {
     if (std::filesystem::exists(path, ignored)) out.emplace_back(ctx, path.string(), net);
   }
   if (out.empty())
-    fail(Status::file, "{}: neither alex.safetensors nor vgg.safetensors is there, the weights of LPIPS", folder);
+    fail(Status::file, "{}: has neither alex.safetensors nor vgg.safetensors, the weights of LPIPS", folder);
   return out;
 }
 

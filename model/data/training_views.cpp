@@ -176,7 +176,7 @@ void TrainingReader::Impl::note(BadThing thing, const std::string& what) {
     const std::lock_guard lock(bad_mutex);
     if (!bad.insert(thing).second) return;
   }
-  warn("{}; it is passed over", what);
+  warn("{}; it is skipped", what);
 }
 
 bool TrainingReader::Impl::passed_over(BadThing thing, const Error& error) {

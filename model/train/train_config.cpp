@@ -118,7 +118,7 @@ void check_frozen(const TrainConfig& c, const FieldChecks& is) {
   for (const std::string& prefix : c.frozen)
     is.need(!prefix.empty() &&
                 std::any_of(all.begin(), all.end(), [&](const Parameter& p) { return p.name.starts_with(prefix); }),
-            "each of frozen must be how the name of a parameter starts, as encoder. or predictor.", shown(prefix));
+            "each of frozen must be the beginning of a parameter's name, as encoder. or predictor.", shown(prefix));
   is.need(std::any_of(all.begin(), all.end(), [&](const Parameter& p) { return p.trained && !is_frozen(c, p.name); }),
           "frozen must leave something to train", shown(c.frozen));
 }

@@ -58,7 +58,7 @@ Window object_window(const Camera& camera, const Framing& framing, const Picture
   if (!(at.z() > 0))
     fail(Status::input,
          "{}: the cube's centre ({}, {}, {}) is not in front of this camera (camera z {:.4g}); no square can be cut "
-         "about it",
+         "around it",
          names.picture, framing.centre.x(), framing.centre.y(), framing.centre.z(), at.z());
   const double side = edges_in_picture * framing.edge * std::max(camera.fx, camera.fy) / at.z();
   if (!(side > 0) || side > static_cast<double>(framing.size) * std::max(camera.width, camera.height))

@@ -376,7 +376,7 @@ std::vector<DamagedObject> damaged_objects() {
       {"a picture is missing",
        [=](const std::string& f) { fs::remove(f + third); },
        Status::file,
-       {"object solid_1", "images/0003.png", "picture is not there"},
+       {"object solid_1", "images/0003.png", "picture is missing"},
        1},
       {"a picture is cut off",
        [=](const std::string& f) { test::put_file(f + third, test::contents_of(f + third).substr(0, 60)); },

@@ -261,7 +261,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"clip_norm": 0})", "clip_norm must be above 0 (found 0)"},
       {R"({"ssim_weight": -1})", "ssim_weight must be at least 0 (found -1)"},
       {R"({"alpha_weight": -1})", "alpha_weight must be at least 0 (found -1)"},
-      {R"({"frozen": ["encode", "encoders"]})", "frozen must be how the name of a parameter starts"},
+      {R"({"frozen": ["encode", "encoders"]})", "frozen must be the beginning of a parameter's name"},
       {R"({"frozen": [""]})", "(found \"\")"},
       {R"({"frozen": ["encoder", "dir_norm", "volume", "voxel", "predictor"]})", "must leave something to train"},
       {R"({"inputs_max": 17})", "inputs_max must be 1 to 16 (found 17)"},
