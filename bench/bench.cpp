@@ -21,7 +21,7 @@ struct Suite {
   std::vector<Case> (*cases)(const Options&);
 };
 const std::vector<Suite> kSuites = {{"gemm", gemm_cases},    {"conv3d", conv3d_cases}, {"render", render_cases},
-                                    {"train", train_cases},  {"refine", refine_cases}, {"model", model_cases},
+                                    {"train", train_cases},  {"fit", fit_cases},       {"model", model_cases},
                                     {"sparse", sparse_cases}};
 const std::vector<Suite> kOperations = {
     {"activation", activation_cases},

@@ -93,7 +93,7 @@ struct Result {
   std::optional<double> error;  // none where the result is only looked at
   std::map<std::string, double> reference;  // library -> median seconds
   std::map<std::string, double> stages;     // of a pass: shares of its time, "host" is what no kernel accounts for
-  std::vector<KernelTime> kernels;          // of a network and a step of training or refinement, most time first
+  std::vector<KernelTime> kernels;          // of a network and a step of training or fitting, most time first
   std::vector<StageTime> by_stage;          // of a network, most time first
 };
 
@@ -150,7 +150,7 @@ std::vector<Case> space_curve_cases(const Options& options);
 std::vector<Case> sparse_cases(const Options& options);
 std::vector<Case> top_k_cases(const Options& options);
 std::vector<Case> train_cases(const Options& options);
-std::vector<Case> refine_cases(const Options& options);
+std::vector<Case> fit_cases(const Options& options);
 // Those of single operations: bench/ops/NAME.cpp.
 std::vector<Case> activation_cases(const Options& options);
 std::vector<Case> adamw_cases(const Options& options);

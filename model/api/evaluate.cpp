@@ -98,7 +98,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
            o.picture_size);
     how.request = {protocol_of(o.protocol), o.seed,
                    o.picture_size,          o.view_count,
-                   fit_of(o.fit),           placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
+                   crop_of(o.crop),         placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
     how.refine = o.refine != 0;

@@ -202,18 +202,18 @@ vsplat_status vsplat_views_get_files(vsplat_views views, char** out_text) {
   });
 }
 
-Fit vsplat::api::fit_of(const vsplat_fit& fit) {
-  switch (value_of(fit)) {
-    case VSPLAT_FIT_AUTO:
-      return Fit::automatic;
-    case VSPLAT_FIT_OBJECT:
-      return Fit::object;
-    case VSPLAT_FIT_CROP:
-      return Fit::crop;
-    case VSPLAT_FIT_PAD:
-      return Fit::pad;
+Crop vsplat::api::crop_of(const vsplat_crop& crop) {
+  switch (value_of(crop)) {
+    case VSPLAT_CROP_AUTO:
+      return Crop::automatic;
+    case VSPLAT_CROP_OBJECT:
+      return Crop::object;
+    case VSPLAT_CROP_CROP:
+      return Crop::crop;
+    case VSPLAT_CROP_PAD:
+      return Crop::pad;
   }
-  fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", value_of(fit));
+  fail(Status::usage, "options.crop is {}, not a value of vsplat_crop", value_of(crop));
 }
 
 std::vector<std::string> vsplat::api::names_of(const char* const* names, size_t count, const std::string& what) {
@@ -260,7 +260,7 @@ InputRequest vsplat::api::request_of(const vsplat_input_options& o) {
   InputRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
   out.placement = placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0);
-  out.fit = fit_of(o.fit);
+  out.crop = crop_of(o.crop);
   out.force = o.force != 0;
   if (o.view_count < 0 || o.view_count > max_views)
     fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", o.view_count, max_views);

@@ -94,7 +94,7 @@ struct TrainingReader::Impl {
       : data(std::move(d)), options(std::move(o)), listings(listing_bytes), pictures(options.cache_bytes) {
     check(data, options);
     if (!options.textures.empty()) textures.emplace(options.textures);
-    request.image = options.image, request.fit = options.fit, request.placement = options.placement;
+    request.image = options.image, request.crop = options.crop, request.placement = options.placement;
     request.to_train_on = true;
     for (int i = 0; i < options.threads; ++i) workers.emplace_back([this] { work(); });
   }

@@ -207,7 +207,7 @@ class Lara(support.Case):
         many = self.make_views("many", count=5)
         self.refuses(2, ["5 views", "1 to 3", "view_slots"], "reconstruct", many, "--model", made, "--view-count", 5, "--output", self.path("none.ply"))
         self.refuses(2, "selects no voxels", "reconstruct", self.views, "--model", made, "--selection-seed", 1, "--output", self.path("none.ply"))
-        self.refuses(2, ["LaRa's network", "VS-Splat's"], "refine", self.views, "--model", made, "--start", "network", "--steps", 1, "--output", self.path("none.ply"))
+        self.refuses(2, ["LaRa's network", "VS-Splat's"], "fit", self.views, "--model", made, "--start", "network", "--steps", 1, "--output", self.path("none.ply"))
 
     def test_what_is_another_networks_is_refused(self):
         self.refuses(2, ["view_slots", "3", "4"], "weights", "import", self.CHECKPOINT, "--set", "view_slots=4", "--output", self.path("none.safetensors"))
