@@ -200,7 +200,7 @@ std::optional<Checkpoint> newest_checkpoint(const std::string& folder) {
       return load_checkpoint(candidate.path);
     } catch (const Error& e) {
       if (e.status() != Status::format && e.status() != Status::file) throw;
-      warn("a checkpoint is left out: {}", e.what());
+      warn("a checkpoint is skipped: {}", e.what());
     }
   }
   if (!found.empty())
