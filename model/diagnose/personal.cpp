@@ -1,4 +1,4 @@
-#include "runtime/personal.h"
+#include "model/diagnose/personal.h"
 
 #include <algorithm>
 #include <cctype>

@@ -1,4 +1,4 @@
-#include "runtime/system/system_facts.h"
+#include "model/diagnose/system_facts.h"
 
 #include <algorithm>
 #include <cstdint>

@@ -1,5 +1,5 @@
 // Findings on machines unlike this one: with GPUs, in containers. tests/cli/doctor_test.py tests the rest.
-#include "runtime/doctor.h"
+#include "model/diagnose/doctor.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -10,7 +10,7 @@
 #include <optional>
 #include <string>
 
-#include "runtime/personal.h"
+#include "model/diagnose/personal.h"
 
 namespace vsplat {
 namespace {

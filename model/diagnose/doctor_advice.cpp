@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "model/diagnose/doctor.h"
 #include "runtime/device.h"
-#include "runtime/doctor.h"
 #include "runtime/files/disk_cache.h"
 #include "runtime/printable.h"
 #include "runtime/system/environment.h"

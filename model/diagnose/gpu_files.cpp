@@ -1,4 +1,4 @@
-#include "runtime/files/gpu_files.h"
+#include "model/diagnose/gpu_files.h"
 
 #include <algorithm>
 #include <cctype>

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "model/diagnose/gpu_files.h"
 #include "runtime/files/cache_folders.h"
-#include "runtime/files/gpu_files.h"
 #include "runtime/files/pocl_files.h"
 #include "runtime/system/driver_entries.h"
 #include "runtime/system/driver_look.h"

@@ -1,4 +1,4 @@
-#include "runtime/doctor.h"
+#include "model/diagnose/doctor.h"
 
 #include "runtime/files/disk_cache.h"
 #include "runtime/system/environment.h"

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "runtime/doctor.h"
+#include "model/diagnose/doctor.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
