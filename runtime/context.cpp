@@ -144,7 +144,7 @@ struct Context::Impl {
   std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
   int uncancelled = 0;  // see Uncancelled
   Pace pace;
-  Profiler profiler{[this] { return energy_sources(); }};
+  Profiler profiler;
   Counters counters;
   std::unique_ptr<Arena> arena;  // destroyed before the OpenCL context, since it holds the buffers: see ~Context
   std::string stage;
@@ -157,21 +157,6 @@ struct Context::Impl {
     checks_nan = nan_check_is_wanted();
     guards = limits.guard > 0;
     arena = std::make_unique<Arena>(&context, limits, &queue);
-  }
-
-  // Energy counters of the processor, and of an NVIDIA GPU, whose driver reports its place on the PCI bus.
-  std::vector<EnergySource> energy_sources() const {
-    std::vector<EnergySource> out = rapl_sources();
-    constexpr cl_device_info bus = 0x4008, slot = 0x4009, domain = 0x400A;  // cl_nv_device_attribute_query
-    cl_uint at[3] = {};
-    const bool told = info.type == DeviceType::gpu && info.vendor.find("NVIDIA") != std::string::npos &&
-                      clGetDeviceInfo(handle(), domain, sizeof at[0], &at[0], nullptr) == CL_SUCCESS &&
-                      clGetDeviceInfo(handle(), bus, sizeof at[1], &at[1], nullptr) == CL_SUCCESS &&
-                      clGetDeviceInfo(handle(), slot, sizeof at[2], &at[2], nullptr) == CL_SUCCESS;
-    if (told)  // (the upper five bits of the slot are the device number)
-      for (EnergySource& source : nvml_sources(fmt::format("{:08x}:{:02x}:{:02x}.0", at[0], at[1], at[2] >> 3 & 31)))
-        out.push_back(std::move(source));
-    return out;
   }
 
   void make_queue() {
