@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <memory>
 
+#include "bench/case_data.h"
 #include "bench/references_module.h"
-#include "bench/sample.h"
 #include "runtime/fail.h"
 #include "runtime/system/system.h"
 

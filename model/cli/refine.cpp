@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "placement.h"
+#include "placement_options.h"
 #include "refinement.h"
 #include "scene_file.h"
 

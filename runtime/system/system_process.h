@@ -7,7 +7,7 @@
 #include <system_error>
 #include <vector>
 
-#include "runtime/handle.h"
+#include "runtime/system/os_handle.h"
 
 namespace vsplat::sys {
 

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "bench/compare.h"
-#include "bench/model_check.h"
+#include "bench/earlier_run.h"
+#include "bench/forward_check.h"
 #include "bench/scenes.h"
 #include "model/cli/bench_options.h"
 #include "model/io/scene/ply.h"
