@@ -5,7 +5,7 @@
 #include "model/diagnose/selftest/reference/plucker.h"
 #include "model/diagnose/selftest/reference/position_resample.h"
 #include "model/networks/layers/vit.h"
-#include "model/networks/vsplat/modulation.h"
+#include "model/networks/vsplat/pose_modulation.h"
 
 namespace vsplat::bench {
 

@@ -1,7 +1,7 @@
 // Lifting and the dense network.
 #include "bench/layer_check.h"
 #include "model/diagnose/selftest/reference/project_features.h"
-#include "model/networks/vsplat/lift.h"
+#include "model/networks/vsplat/fused_lift.h"
 
 namespace vsplat::bench {
 

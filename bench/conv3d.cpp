@@ -3,9 +3,9 @@
 #include <memory>
 
 #include "bench/bench.h"
+#include "bench/case_data.h"
 #include "bench/ops/operation.h"
 #include "bench/references.h"
-#include "bench/sample.h"
 #include "bench/shapes.h"
 
 namespace vsplat::bench {

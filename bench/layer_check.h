@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/model_check.h"
-#include "bench/sample.h"
+#include "bench/case_data.h"
+#include "bench/forward_check.h"
 #include "model/diagnose/selftest/reference/decode.h"
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "model/networks/layers/transformer.h"

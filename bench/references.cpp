@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <memory>
 
+#include "bench/case_data.h"
 #include "bench/references_module.h"
-#include "bench/sample.h"
 #include "runtime/fail.h"
 #include "runtime/system/system.h"
 
@@ -16,11 +16,14 @@ namespace {
 
 constexpr int kSamples = 300;
 
-// The module in the build folder of a program in bin/ or tests/. It is not installed.
+// The module, which stands beside vsplat-bench in the build folder and is not installed; a test is in tests/ there.
 std::string module_file() {
   std::error_code problem;
   const std::filesystem::path program = sys::program_path(problem);
-  return problem ? "" : (program.parent_path().parent_path() / "bench" / "vsplat-references.so").string();
+  if (problem) return "";
+  const std::filesystem::path folder = program.parent_path(), from_tests = folder / "../model/libexec/vsplat";
+  const bool is_test = std::filesystem::exists(from_tests / "vsplat-bench", problem);
+  return ((is_test ? from_tests : folder) / "vsplat-references.so").lexically_normal().string();
 }
 
 class Module {

@@ -41,9 +41,10 @@ build=$(cd "$build" && pwd) || exit 1
 program=$build/bin/vsplat
 library=$build/model/api/libvsplat.so.1
 look=$build/model/libexec/vsplat/vsplat-look
+bench=$build/model/libexec/vsplat/vsplat-bench
 reader=$build/model/libexec/vsplat/vsplat-read
 rays=$build/model/libexec/vsplat/vsplat-rays.so
-set -- "$program" "$library" "$look" "$rays"
+set -- "$program" "$library" "$look" "$bench" "$rays"
 if [ $with_reader = yes ]; then set -- "$@" "$reader"; fi
 if [ $with_tests = yes ]; then set -- "$@" "$build/tests/ops_tests" "$build/tests/runtime_tests"; fi
 for file in "$@"; do
@@ -63,7 +64,8 @@ own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.1"
 # Programs are searched beside the library's folder, as in the build tree.
 mkdir -p "$top/libexec/vsplat"
 cp "$look" "$top/libexec/vsplat/vsplat-look.elf"
-own="$own;$top/libexec/vsplat/vsplat-look.elf"
+cp "$bench" "$top/libexec/vsplat/vsplat-bench.elf"
+own="$own;$top/libexec/vsplat/vsplat-look.elf;$top/libexec/vsplat/vsplat-bench.elf"
 cp "$rays" "$top/libexec/vsplat/vsplat-rays.so"
 own="$own;$top/libexec/vsplat/vsplat-rays.so"
 if [ $with_reader = yes ]; then
@@ -140,7 +142,7 @@ launcher "$top/bin/vsplat" .. bin/vsplat.elf
 if [ $with_tests = yes ]; then
   for name in ops_tests runtime_tests; do launcher "$top/tests/$name" .. "tests/$name.elf"; done
 fi
-launcher "$top/libexec/vsplat/vsplat-look" ../.. libexec/vsplat/vsplat-look.elf
+for name in look bench; do launcher "$top/libexec/vsplat/vsplat-$name" ../.. "libexec/vsplat/vsplat-$name.elf"; done
 if [ $with_reader = yes ]; then launcher "$top/libexec/vsplat/vsplat-read" ../.. libexec/vsplat/vsplat-read.elf; fi
 
 echo "bundle: needs glibc $wanted, carries $carried; $(find "$top/lib" -type f | wc -l) libraries, $(du -sk "$top" | cut -f1) KiB unpacked" >&2

@@ -5,88 +5,24 @@
 // Debugging: VSPLAT_CHECK=nan looks for NaN in the output of each launch, and VSPLAT_ARENA=guard for writes outside of
 // its tensors (runtime/launch_checks.h). A context reads these variables once, on construction.
 #pragma once
-#include <array>
-#include <compare>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "runtime/arena.h"
+#include "runtime/context_options.h"
 #include "runtime/device.h"
 #include "runtime/error.h"
-#include "runtime/host_span.h"
 #include "runtime/launch.h"
-#include "runtime/precision.h"
+#include "runtime/planned_launches.h"
+#include "runtime/stage.h"
 #include "runtime/tensor.h"
-#include "runtime/tuning/tuning.h"
-#include "runtime/tuning/verdict.h"
 
 namespace vsplat {
 
 class Profiler;
-
-// The family of dense kernels. cpu: one work-item owns a register tile, float16 vectors, no local memory, no barrier.
-// gpu: a work-group tiles through local memory. Both run on every device.
-enum class Flavour : int { cpu = 1, gpu = 2 };
-const char* name_of(Flavour flavour);
-
-// The implementation of plain matrix products. auto_: our own kernels.
-enum class GemmChoice : int { auto_ = 0, own = 1, clblast = 2 };
-
-// OpenCL handles of the calling program, as OpenCL's C interface has them. All null: our own.
-struct ForeignHandles {
-  void* context = nullptr;
-  void* device = nullptr;
-  void* queue = nullptr;  // in order; null: a queue of our own in that context
-};
-
-struct ContextOptions {
-  std::string device;            // see choose_device()
-  std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else from the device's traits), cpu, gpu
-  GemmChoice gemm = GemmChoice::auto_;
-  double max_memory_gib = 0;              // 0: what the device reports
-  Precision precision = Precision::fp32;  // mixed: only with the gpu kernels
-  // The matrix units for mixed precision. Unset: the device's units if a trial has shown them to be right
-  // (matrix_probe.h), else the emulated ones.
-  std::optional<MatrixUnit> matrix_unit = std::nullopt;
-  ForeignHandles theirs;  // used instead of `device`
-  // What this context must not use. Unset: what a self-test has recorded for this device (verdict.h).
-  std::optional<SwitchedOff> off = std::nullopt;
-  std::shared_ptr<const Tuning> tuning = nullptr;  // replaces the device's table, which then is not read
-  // Called before each kernel is compiled, with its name and how many kernels this context has compiled so far.
-  std::function<void(const std::string&, int)> on_compile;
-};
-
-// Identifies a kernel by the fields of its KernelId.
-struct NamedKernel {
-  std::string file, name, defines;
-  auto operator<=>(const NamedKernel&) const = default;  // NOLINT(modernize-use-nullptr): it has none
-};
-
-// A launch that a planner has noted: the size of its work-groups (0: the driver's choice), and the local memory of its
-// arguments, without what the kernel itself declares.
-struct NotedLaunch {
-  std::string stage;
-  std::array<std::size_t, 3> group{};
-  std::size_t local_bytes = 0;
-  auto operator<=>(const NotedLaunch&) const = default;  // NOLINT(modernize-use-nullptr): it has none
-};
-struct NotedKernel {
-  std::set<NotedLaunch> launches;
-  double work = 0;              // of the longest part of a launch (launch_parts.h)
-  std::size_t most_groups = 0;  // largest number of groups of a part in the second or third direction
-};
-using NotedKernels = std::map<NamedKernel, NotedKernel>;
-
-// Peak device memory during a stage: bytes of slabs, and of live tensors in them.
-struct StageMemory {
-  std::string stage;
-  std::size_t peak_reserved = 0, peak_live = 0;
-};
 
 class Context {
  public:
@@ -216,33 +152,6 @@ class Context {
   static void check_element(const Tensor& tensor, std::size_t bytes);
   explicit Context(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
-};
-
-// Names the stage of all launches during its life: "encoder", "modulation", "lifting", "volume", "heads", "selection",
-// "refinement", "decode", "splat". Memory peaks are recorded per stage, too.
-class Stage {
- public:
-  Stage(Context& context, const std::string& name);
-  ~Stage();
-  Stage(const Stage&) = delete;
-  Stage& operator=(const Stage&) = delete;
-
- private:
-  Context& context_;
-  std::string before_, before_of_host_;
-  std::optional<HostSpan> span_;
-};
-
-// While this object lives, nothing is cancelled: for changes that must be complete or not happen at all.
-class Uncancelled {
- public:
-  explicit Uncancelled(Context& context);
-  ~Uncancelled();
-  Uncancelled(const Uncancelled&) = delete;
-  Uncancelled& operator=(const Uncancelled&) = delete;
-
- private:
-  Context& context_;
 };
 
 }  // namespace vsplat

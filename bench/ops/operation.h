@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bench/bench.h"
-#include "bench/sample.h"
+#include "bench/case_data.h"
 #include "model/base/camera.h"
 #include "model/base/device_cameras.h"
 #include "model/base/gaussians.h"

@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "bench/ops/drawing.h"
 #include "bench/ops/operation.h"
+#include "bench/ops/timed_picture.h"
 
 namespace vsplat::bench {
 

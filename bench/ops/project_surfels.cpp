@@ -1,7 +1,7 @@
 #include "model/ops/render/project_surfels.h"
 
-#include "bench/ops/drawing.h"
 #include "bench/ops/operation.h"
+#include "bench/ops/timed_picture.h"
 
 namespace vsplat::bench {
 

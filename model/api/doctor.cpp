@@ -1,4 +1,4 @@
-#include "runtime/doctor.h"
+#include "model/diagnose/doctor.h"
 
 #include <cmath>
 

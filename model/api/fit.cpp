@@ -13,6 +13,7 @@
 #include "model/api/plan.h"
 #include "model/api/scene.h"
 #include "model/fit/fit_plan.h"
+#include "model/fit/fit_recipe.h"
 #include "model/fit/scene_fit.h"
 #include "model/io/views/cameras_json.h"
 #include "runtime/fail.h"
@@ -293,10 +294,10 @@ vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t 
     any.width = width, any.height = height, any.fx = any.fy = 1;
     const Camera camera = camera_of(any, "the picture");
     const Context& ctx = device->context;
-    FitOptions options;
-    options.max_gaussians = static_cast<long>(gaussians);
-    options.grow_every = 1;
-    options.grow_until = 2;
+    FitRequest request;
+    request.max_gaussians = static_cast<long>(gaussians);
+    FitOptions options = fit_recipe(request, kManyViews, 0, 1).options;
+    options.grow_every = 1;  // a plan has one step
     FitMemory memory;
     const bool fits =
         fits_within([&] { memory = plan_fit(ctx, blank_gaussians(1, sh_degree), 0.2f, options, camera); });

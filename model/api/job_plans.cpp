@@ -8,7 +8,7 @@
 #include "model/fit/fitter.h"
 #include "model/fit/view_corrections.h"
 #include "model/render/render_backward.h"
-#include "model/train/train.h"
+#include "model/train/training_run.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;

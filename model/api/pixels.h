@@ -3,7 +3,7 @@
 #include <string>
 
 #include "model/api/handle.h"
-#include "model/api/outputs.h"
+#include "model/api/result_memory.h"
 
 namespace vsplat::api {
 

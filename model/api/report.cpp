@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "model/api/handle.h"
-#include "runtime/doctor.h"
-#include "runtime/personal.h"
-#include "runtime/system/system_facts.h"
+#include "model/diagnose/doctor.h"
+#include "model/diagnose/personal.h"
+#include "model/diagnose/system_facts.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

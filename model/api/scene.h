@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "model/api/handle.h"
-#include "model/api/outputs.h"
+#include "model/api/result_memory.h"
 #include "model/base/scene.h"
 #include "model/io/scene/ply.h"
 

@@ -8,7 +8,7 @@
 #include "model/api/selected.h"
 #include "model/api/share.h"
 #include "model/train/run_page.h"
-#include "model/train/stages.h"
+#include "model/train/staged_training.h"
 #include "model/train/train_ranks.h"
 #include "runtime/fail.h"
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace command {
 
@@ -108,8 +109,8 @@ void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
 void add_fit(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
-void add_scene_convert(CLI::App& app, Run& run);  // convert
-void add_bench(CLI::App& app, Run& run);
+void add_scene_convert(CLI::App& app, Run& run);                                     // convert
+void add_bench(CLI::App& app, Run& run, const std::vector<std::string>& arguments);  // as given to the program
 void add_profile(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "model/evaluate/evaluation_object.h"
-#include "model/metrics/lpips.h"
+#include "model/metrics/lpips_distance.h"
 #include "model/networks/network.h"
 #include "runtime/system/ranks.h"
 

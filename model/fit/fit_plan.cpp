@@ -11,8 +11,10 @@ FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const
   Fitter fitter(*planner, start, near, {}, options);
   fitter.plan_grown();
   const long h = camera.height, w = camera.width;
-  fitter.step(
-      {camera, planner->tensor({h, w, 4}, Type::u8, "picture"), planner->tensor({h, w}, Type::u8, "known"), true});
+  const DeviceFitPicture picture{camera, planner->tensor({h, w, 4}, Type::u8, "picture"),
+                                 planner->tensor({h, w}, Type::u8, "known"), true};
+  fitter.step(picture);
+  fitter.measure(picture);
   return {planner->memory().peak(), planner->stage_memory()};
 }
 

@@ -1,4 +1,4 @@
-// The memory that a fit takes, found by planning its first step.
+// The memory that a fit takes, found by planning a step and a measurement on a held-out view.
 #pragma once
 #include "model/fit/fitter.h"
 

@@ -210,7 +210,7 @@ void Fitter::grow() {
   count_ = splat_relocate(ctx_, {all_, count_, wanted, options_.seed, static_cast<std::uint32_t>(step_)});
 }
 
-FitScore Fitter::judge(const DeviceFitPicture& picture) {
+Tensor Fitter::measure(const DeviceFitPicture& picture) {
   bound_on_screen(picture.camera);
   const DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, drawing());
   const long h = picture.camera.height, w = picture.camera.width;
@@ -220,7 +220,11 @@ FitScore Fitter::judge(const DeviceFitPicture& picture) {
   PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one), 1, out, {}};
   a.similarity = std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
   picture_loss(ctx_, a);
-  const auto values = ctx_.read<float>(out);
+  return out;
+}
+
+FitScore Fitter::judge(const DeviceFitPicture& picture) {
+  const auto values = ctx_.read<float>(measure(picture));
   return {-10 * std::log10(std::max(static_cast<double>(values[1]), 1e-12)), static_cast<double>(values[2])};
 }
 

@@ -77,6 +77,8 @@ class Fitter {
   // Pretends that the scene has grown to its maximum: for plans.
   void plan_grown() { count_ = all_.x.count(); }
 
+  // Compares a rendering with a picture, on the device: f32 [3], as PictureLoss::out.
+  Tensor measure(const DeviceFitPicture& picture);
   FitScore judge(const DeviceFitPicture& picture);
   // The state that further steps depend on. restore() expects the options and the start that the state was made with.
   FitTensors state() const;

@@ -2,7 +2,7 @@
 // other ranks only compute shards of its steps.
 #pragma once
 #include "model/data/data_set.h"
-#include "model/train/train.h"
+#include "model/train/training_run.h"
 #include "runtime/system/ranks.h"
 
 namespace vsplat {

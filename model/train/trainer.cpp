@@ -2,12 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "model/base/pose_noise.h"
 #include "model/networks/params/params.h"
-#include "model/ops/fit/adamw.h"
-#include "model/ops/fit/muon.h"
 #include "model/ops/volume/select.h"
 #include "model/train/half_size.h"
 #include "runtime/fail.h"
@@ -55,20 +52,6 @@ Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start, Role role) {
   return ctx;
 }
 
-Trainer::Optimiser Trainer::optimiser_of(const TrainConfig& config, const Parameter& p) {
-  if (!p.trained || !p.used || is_frozen(config, p.name)) return none;
-  if (is_muons(config, p)) return muon;
-  return p.decays ? adamw_decaying : adamw;
-}
-
-// The values of this run's parameters; zeros for those that `values` lacks.
-SideBySide Trainer::like(const LearntRun& run, const char* what, const Weights& values) const {
-  SideBySide out = side_by_side(ctx_, run.shapes, what);
-  for (std::size_t i = 0; i < run.names.size(); ++i)
-    if (values.has(run.names[i])) ctx_.write(out.parts[i], values.at(run.names[i]).data.data());
-  return out;
-}
-
 Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, const std::vector<Context*>& helpers,
                  Ranks* ranks)
     : Trainer(ctx, start, planned_selected, ranks && ranks->rank() > 0 ? Role::helper : Role::optimiser) {
@@ -83,17 +66,9 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, R
       planned_(planned_selected),
       step_(start.step),
       weights_(ctx, parameters(start.config.model), start.parameters,
-               [&start](const Parameter& p) { return optimiser_of(start.config, p); }),
+               [&start](const Parameter& p) { return WeightOptimiser::kind_of(start.config, p); }),
+      optimiser_(ctx, config_, weights_, role == Role::helper ? nullptr : &start),
       state_(start.state) {
-  for (const LearntRun& run : weights_.runs()) {
-    if (role == Role::helper) break;
-    Moments& moments = moments_.emplace_back();
-    if (run.kind == muon) moments.m = like(run, "momentum", start.momentum);
-    if (run.kind == adamw || run.kind == adamw_decaying)
-      moments = {like(run, "first moments", start.m), like(run, "second moments", start.v)};
-    if (config_.ema > 0)
-      average_.push_back(like(run, "average", start.average.all().empty() ? start.parameters : start.average));
-  }
   hold_tuning(ctx, state_);
   memory_ = {rounded(planned_)};
   if (ctx.planning()) return;
@@ -152,9 +127,8 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
   return out;
 }
 
-Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last,
-                                     bool recompute) {
-  PartSums out;
+ShardSums Trainer::gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last, bool recompute) {
+  ShardSums out;
   StepReport& report = out.report;
   report.step = step_ + 1;
   report.lr = learning_rate(config_.schedule, report.step);
@@ -189,7 +163,7 @@ Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::si
   return out;
 }
 
-Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last) {
+ShardSums Trainer::gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last) {
   try {
     return gradients(items, first, last, false);
   } catch (const Error& e) {
@@ -199,58 +173,11 @@ Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::si
   }
 }
 
-StepReport Trainer::PartSums::means() const {
+StepReport ShardSums::means() const {
   StepReport out = report;
   out.psnr = psnr_of(mse);
   out.psnr_coarse = psnr_of(mse_coarse);
   return out;
-}
-
-void Trainer::clip(Context& ctx, const Tensor& out) const {
-  GradientClip clip;
-  for (const LearntRun& run : weights_.runs())
-    if (run.kind != none) clip.grads.push_back(run.all.gradient);
-  clip.max_norm = static_cast<float>(config_.clip_norm);
-  clip.out = out;
-  gradient_clip(ctx, clip);
-}
-
-void Trainer::move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const {
-  for (std::size_t r = 0; r < moments_.size(); ++r) {
-    const LearntRun& run = weights_.runs()[r];
-    if (run.kind == none) continue;
-    if (run.kind == muon) {
-      for (std::size_t i = 0; i < run.names.size(); ++i) {
-        const LearntTensor& w = weights_.at(run.names[i]);
-        muon_step(ctx, {w.value, w.gradient, moments_[r].m.parts[i], norm, report.lr, config_.momentum,
-                        config_.weight_decay});
-      }
-      continue;
-    }
-    AdamwStep a;
-    a.param = run.all.value;
-    a.grad = run.all.gradient;
-    a.m = moments_[r].m.whole;
-    a.v = moments_[r].v.whole;
-    a.clip = norm;
-    a.step = report.step;
-    a.lr = report.lr;
-    a.beta1 = config_.beta1;
-    a.beta2 = config_.beta2;
-    a.eps = config_.eps;
-    a.weight_decay = run.kind == adamw_decaying ? config_.weight_decay : 0;
-    adamw_step(ctx, a);
-  }
-}
-
-void Trainer::plan_optimizer() const {
-  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
-  clip(ctx_, norm);
-  StepReport first;
-  first.step = 1;
-  move_weights(ctx_, first, norm);
-  for (std::size_t r = 0; r < average_.size(); ++r)
-    average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);
 }
 
 StepReport Trainer::step(const std::vector<StepItem>& items) {
@@ -258,38 +185,16 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
     fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
   const bool whole_step = config_.parts == 1 && helpers_.empty() && !ranks_;
   StepReport report = (whole_step ? gradients(items, 0, items.size()) : gradients_in_parts(items)).means();
-  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
-  clip(ctx_, norm);
+  const Tensor norm = optimiser_.clipped_norm(ctx_);
   report.gradient_norm = static_cast<double>(ctx_.read<float>(norm)[0]);
-  if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) refuse(report.loss);
+  if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) optimiser_.refuse(report.step, report.loss);
 
   const Uncancelled whole(ctx_);
-  move_weights(ctx_, report, norm);
-  for (std::size_t r = 0; r < average_.size(); ++r)
-    average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);
+  optimiser_.step(ctx_, report.step, report.lr, norm);
   ctx_.finish();
   if (!helpers_.empty() || ranks_) moved_ = read_moved(&LearntTensor::value);
   step_ = report.step;
   return report;
-}
-
-void Trainer::refuse(double loss) const {
-  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
-  std::set<std::string> moved;
-  for (const LearntRun& run : weights_.runs())
-    if (run.kind != none) moved.insert(run.names.begin(), run.names.end());
-  for (const std::string& name : weights_.names()) {
-    if (moved.count(name) == 0) continue;
-    gradient_clip(ctx_, {{weights_.at(name).gradient}, 1, 1, norm});
-    const float found = ctx_.read<float>(norm)[0];
-    if (!std::isfinite(found))
-      fail(Status::internal,
-           "step {}: the loss is {}, and the gradient by {} has the norm {}: finite numbers expected. The weights are "
-           "as step {} left them; a lower learning rate or a longer warm-up may help",
-           step_ + 1, loss, name, found, step_);
-  }
-  fail(Status::internal, "step {}: the loss is {}, a finite number expected; every gradient is finite", step_ + 1,
-       loss);
 }
 
 Checkpoint Trainer::checkpoint() const {
@@ -297,18 +202,7 @@ Checkpoint Trainer::checkpoint() const {
   out.config = config_;
   out.step = step_;
   out.parameters = weights_.download(ctx_);
-  const auto read = [&](const LearntRun& run, const SideBySide& from, Weights& to) {
-    for (std::size_t i = 0; i < from.parts.size(); ++i)
-      to.set(run.names[i], {run.shapes[i], ctx_.read<float>(from.parts[i])});
-  };
-  for (std::size_t r = 0; r < moments_.size(); ++r) {
-    const LearntRun& run = weights_.runs()[r];
-    if (step_ > 0) {
-      read(run, moments_[r].m, run.kind == muon ? out.momentum : out.m);
-      read(run, moments_[r].v, out.v);
-    }
-    if (!average_.empty()) read(run, average_[r], out.average);
-  }
+  optimiser_.download(step_, out);
   out.state = state_;
   return out;
 }

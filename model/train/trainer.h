@@ -1,6 +1,5 @@
 // The trainer: weights and optimiser state on the device, and a training step.
 #pragma once
-#include <array>
 #include <functional>
 #include <map>
 #include <memory>
@@ -8,37 +7,14 @@
 #include <utility>
 #include <vector>
 
-#include "model/data/training_views.h"
 #include "model/networks/layers/learnt_weights.h"
 #include "model/train/checkpoint.h"
+#include "model/train/train_step.h"
 #include "model/train/training_pass.h"
-#include "runtime/side_by_side.h"
+#include "model/train/weight_optimiser.h"
 #include "runtime/system/ranks.h"
 
 namespace vsplat {
-
-// One object of a step. `noise`, unless null, replaces the seed's noise: [R^3], logistic. `selection` replaces the
-// selected voxels: ascending.
-struct StepItem {
-  const TrainingViews* views = nullptr;
-  std::array<float, 3> input_background{1, 1, 1};  // background of the input views; their pictures already have it
-  const std::vector<float>* noise = nullptr;
-  const std::vector<int>* selection = nullptr;
-};
-
-// Means over a step's objects, unless stated otherwise.
-struct StepReport {
-  long step = 0;                   // from 1
-  double lr = 0, temperature = 0;  // of this step
-  double loss = 0;                 // of both levels, and of predicted rays
-  // from the mean squared error over novel views, or over input views if there are no others; both are equal if
-  // `levels` is "coarse"
-  double psnr = 0, psnr_coarse = 0;
-  double selected = 0;              // share of the candidates that the network selects: voxels, or LaRa's primitives
-  double gradient_norm = 0;         // before clipping
-  std::uint64_t intersections = 0;  // maximum over pictures
-  long most_selected = 0;           // maximum over objects
-};
 
 class Trainer {
  public:
@@ -94,14 +70,9 @@ class Trainer {
   // With all voxels selected and every Gaussian in every tile: an upper bound for any step.
   Plan bound() const;
   // The optimiser's launches, on a planning context: plan() covers only the gradients.
-  void plan_optimizer() const;
+  void plan_optimizer() const { optimiser_.step(ctx_, 1, 0, optimiser_.clipped_norm(ctx_)); }
 
  private:
-  enum Optimiser { none, adamw, adamw_decaying, muon };  // of a run of parameters; none: they are frozen
-  // The optimiser's state of a run of weights, contiguous like the run. Frozen parameters have none.
-  struct Moments {
-    SideBySide m, v;  // `v` is empty for Muon, which only has momentum
-  };
   // The memory allocated for an object.
   struct ObjectMemory {
     long selected = 0;       // capacity, in voxels
@@ -115,8 +86,6 @@ class Trainer {
   enum class Role { optimiser, helper };
   Trainer(Context& ctx, const Checkpoint& start, long planned_selected, Role role);
   static Context& with_slabs(Context& ctx, const Checkpoint& start, Role role);
-  static Optimiser optimiser_of(const TrainConfig& config, const Parameter& parameter);
-  SideBySide like(const LearntRun& run, const char* what, const Weights& values) const;
   struct StepObject {
     const StepItem& given;
     std::uint32_t noise_draw = 0;  // index of its noise among the seed's draws
@@ -125,22 +94,12 @@ class Trainer {
   void set_loss(PassOptions& options, long step) const;
   // Uploads an object, and its noise to `options` if the network uses noise.
   PassViews upload(Context& ctx, const StepObject& object, PassOptions& options) const;
-  void clip(Context& ctx, const Tensor& out) const;
-  // One step of the optimiser with the present gradients, clipped by `norm`.
-  void move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const;
-  // Results of a shard: sums over its objects, each weighted by its share of the step.
-  struct PartSums {
-    StepReport report;  // without its PSNR
-    double mse = 0, mse_coarse = 0;
-    void add(const PartSums& next);
-    StepReport means() const;
-  };
   // Computes the gradients of the objects [first, last) and leaves them with the weights. If memory runs out, tries
   // once more with the smallest memory.
-  PartSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last);
-  PartSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last, bool recompute);
+  ShardSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last);
+  ShardSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last, bool recompute);
   struct Part {
-    PartSums sums;
+    ShardSums sums;
     std::vector<float> gradients;
     std::string kind;  // the kind of the device that computed it
   };
@@ -151,7 +110,7 @@ class Trainer {
   // thread.
   void compute_parts(const std::vector<StepItem>& items, const std::function<void(Part)>& done);
   // Gradients of all objects from all ranks, summed in the shards' order.
-  PartSums gradients_in_parts(const std::vector<StepItem>& items);
+  ShardSums gradients_in_parts(const std::vector<StepItem>& items);
   std::vector<std::size_t> owners(const std::vector<Trainer*>& workers) const;
   void keep_kinds(const std::vector<std::string>& kinds);
   std::string kind() const;  // of its device
@@ -168,7 +127,6 @@ class Trainer {
   // Whether an object fits; sets `out` to its memory in either case.
   bool plan_object(Plan& out, ObjectMemory memory, long selected, std::optional<std::uint64_t> intersections,
                    bool network_alone) const;
-  [[noreturn]] void refuse(double loss) const;
 
   Context& ctx_;
   TrainConfig config_;
@@ -176,8 +134,7 @@ class Trainer {
   ObjectMemory memory_;
   long step_ = 0;
   LearntWeights weights_;
-  std::vector<Moments> moments_;     // one per run
-  std::vector<SideBySide> average_;  // one per run, if there is an average
+  WeightOptimiser optimiser_;
   std::map<std::string, std::string> state_;
   std::vector<std::unique_ptr<Trainer>> helpers_;
   std::vector<float> moved_;  // updated weights for the helpers

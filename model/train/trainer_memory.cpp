@@ -121,11 +121,7 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
     } else {
       finish_pass(*ctx, *network, draw_in_memory(*ctx, *network, object, options, memory, selected));
     }
-    const Tensor norm = ctx->tensor({2}, Type::f32, "gradient norm");
-    clip(*ctx, norm);
-    StepReport first;
-    first.step = 1;
-    move_weights(*ctx, first, norm);
+    optimiser_.move(*ctx, 1, 0, optimiser_.clipped_norm(*ctx));
     ran = true;
   } catch (const Error& e) {
     if (e.status() != Status::memory) throw;

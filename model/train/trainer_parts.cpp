@@ -27,7 +27,7 @@ std::vector<std::string> lines(const std::string& text) {
 
 }  // namespace
 
-void Trainer::PartSums::add(const PartSums& next) {
+void ShardSums::add(const ShardSums& next) {
   mse += next.mse;
   mse_coarse += next.mse_coarse;
   report.loss += next.report.loss;
@@ -48,7 +48,7 @@ std::string Trainer::kind() const {
 std::vector<float> Trainer::read_moved(Tensor LearntTensor::*what) const {
   std::vector<float> out;
   for (const LearntRun& run : weights_.runs()) {
-    if (run.kind == none) continue;
+    if (run.kind == WeightOptimiser::none) continue;
     for (const std::string& name : run.names) {
       const std::vector<float> values = ctx_.read<float>(weights_.at(name).*what);
       out.insert(out.end(), values.begin(), values.end());
@@ -60,7 +60,7 @@ std::vector<float> Trainer::read_moved(Tensor LearntTensor::*what) const {
 void Trainer::write_moved(Tensor LearntTensor::*what, const std::vector<float>& values) const {
   std::size_t at = 0;
   for (const LearntRun& run : weights_.runs()) {
-    if (run.kind == none) continue;
+    if (run.kind == WeightOptimiser::none) continue;
     for (const std::string& name : run.names) {
       const Tensor& tensor = weights_.at(name).*what;
       ctx_.write(tensor, values.data() + at);
@@ -144,7 +144,7 @@ void Trainer::compute_parts(const std::vector<StepItem>& items, const std::funct
       worker.step_ = step_;
     }
     try {
-      const PartSums sums = worker.gradients(items, first_object(first + i), first_object(first + i + 1));
+      const ShardSums sums = worker.gradients(items, first_object(first + i), first_object(first + i + 1));
       made[i] = Part{sums, worker.read_moved(&LearntTensor::gradient), worker.kind()};
     } catch (const Error& e) {
       if (e.status() == Status::cancelled)  // a stop request reached one worker: cancels the others
@@ -168,7 +168,7 @@ void Trainer::compute_parts(const std::vector<StepItem>& items, const std::funct
   }
 }
 
-Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items) {
+ShardSums Trainer::gradients_in_parts(const std::vector<StepItem>& items) {
   std::optional<Part> total;
   std::vector<std::string> kinds;
   const auto add = [&](Part part) {
@@ -196,7 +196,7 @@ Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items
         break;
       }
       Part received;
-      received.sums = message.take<PartSums>();
+      received.sums = message.take<ShardSums>();
       received.kind = message.take_text();
       received.gradients = message.take_floats();
       if (!failed) add(std::move(received));

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/train/train.h"
+#include "model/train/training_run.h"
 
 namespace vsplat {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/handle.h"
+#include "runtime/system/os_handle.h"
 
 namespace vsplat {
 

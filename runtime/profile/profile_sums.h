@@ -43,19 +43,12 @@ struct ProfileWindow {
   std::uint64_t start, end;  // ns
 };
 
-// The energy that a source used while the profile was recording.
-struct Energy {
-  std::string source;  // "package-0 (RAPL)"
-  double joules = 0;
-};
-
 struct Profile {
   std::vector<ProfileRow> rows;  // most time first
   std::vector<ProfileLaunch> launches;
   std::vector<HostRecord> host;
   std::vector<ProfileWindow> windows;  // when the profile was recording
   std::uint64_t without_times = 0;
-  std::vector<Energy> energy;  // empty if it cannot be read
 };
 
 // What an instant of wall time counts for: what the device runs then (upload: a transfer to it; device: anything else),

@@ -187,11 +187,6 @@ std::string profile_json(const Profile& profile, const ProfileSubject& subject) 
   out["wall_s"] = seconds(wall_ns(profile));
   out["wall"] = parts_json(split.parts);
   out["peak_bytes"] = subject.peak_bytes;
-  if (!profile.energy.empty()) {
-    out["energy"] = Json::array();
-    for (const Energy& energy : profile.energy)
-      out["energy"].push_back({{"source", energy.source}, {"joules", energy.joules}});
-  }
   out["kernels"] = Json::array();
   for (const ProfileRow& r : profile.rows) out["kernels"].push_back(row_json(r, subject.peaks));
   out["kernels_s"] = seconds(launches_ns(profile));

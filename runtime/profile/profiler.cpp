@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <optional>
 #include <utility>
 
 #include "runtime/clock.h"
@@ -56,8 +55,6 @@ struct Profiler::Impl {
   std::vector<ProfileWindow> windows;
   std::vector<HostRecord> host;  // for windows that have ended
   std::uint64_t last_end = 0, suspicious = 0;
-  std::function<std::vector<EnergySource>()> energy_sources;
-  std::optional<EnergyMeter> energy;
 
   std::size_t row(const LaunchRecord& launch, const char* timed_by) {
     const auto [it, fresh] = index.emplace(std::make_pair(launch.stage, launch.name), rows.size());
@@ -115,9 +112,6 @@ struct Profiler::Impl {
 };
 
 Profiler::Profiler() : impl_(std::make_unique<Impl>()) {}
-Profiler::Profiler(std::function<std::vector<EnergySource>()> energy) : Profiler() {
-  impl_->energy_sources = std::move(energy);
-}
 Profiler::~Profiler() {
   if (enabled_) HostLog::of_process().let_go();
 }
@@ -129,13 +123,9 @@ void Profiler::enable(bool on) {
   if (on) {
     log.hold();
     const std::uint64_t begun = log.take_begin(), now = now_ns();
-    if (!impl_->energy)
-      impl_->energy.emplace(impl_->energy_sources ? impl_->energy_sources() : std::vector<EnergySource>());
-    impl_->energy->start();
     impl_->windows.push_back({impl_->windows.empty() && begun != 0 ? std::min(begun, now) : now, 0});
   } else {
     impl_->windows.back().end = now_ns();
-    impl_->energy->stop();
     for (HostRecord& record : log.since(impl_->windows.back().start)) impl_->host.push_back(std::move(record));
     log.let_go();
   }
@@ -192,7 +182,6 @@ void Profiler::collect() {
     impl_->count(launch);
   }
   impl_->pending.clear();
-  if (impl_->energy) impl_->energy->sample();
 }
 
 std::vector<ProfileRow> Profiler::rows() const {
@@ -221,10 +210,6 @@ Profile Profiler::profile() const {
     for (HostRecord& record : HostLog::of_process().since(out.windows.back().start))
       out.host.push_back(std::move(record));
   out.without_times = impl_->suspicious;
-  if (impl_->energy) {
-    impl_->energy->sample_now();
-    out.energy = impl_->energy->taken();
-  }
   return out;
 }
 
@@ -235,9 +220,7 @@ double Profiler::wall_seconds() const {
 }
 
 void Profiler::reset() {
-  Impl fresh;
-  fresh.energy_sources = impl_->energy_sources;
-  *impl_ = std::move(fresh);
+  *impl_ = Impl();
   if (!enabled_) return;
   enabled_ = false;
   enable(true);

@@ -3,13 +3,11 @@
 // times is timed on the host, one launch at a time, and marked so.
 #pragma once
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "runtime/launch.h"
-#include "runtime/profile/energy.h"
 #include "runtime/profile/profile_sums.h"
 
 namespace cl {
@@ -35,8 +33,6 @@ struct LaunchRecord {
 class Profiler {
  public:
   Profiler();
-  // `energy` is called when the profiler is first switched on.
-  explicit Profiler(std::function<std::vector<EnergySource>()> energy);
   ~Profiler();
   Profiler(const Profiler&) = delete;
   Profiler& operator=(const Profiler&) = delete;

@@ -12,7 +12,7 @@
 #include <string>
 #include <system_error>
 
-#include "runtime/handle.h"
+#include "runtime/system/os_handle.h"
 
 namespace vsplat::sys {
 

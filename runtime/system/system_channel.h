@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <system_error>
 
-#include "runtime/handle.h"
+#include "runtime/system/os_handle.h"
 
 namespace vsplat::sys {
 

@@ -7,7 +7,7 @@
 #include <system_error>
 #include <vector>
 
-#include "runtime/handle.h"
+#include "runtime/system/os_handle.h"
 
 namespace vsplat::sys {
 
@@ -49,6 +49,13 @@ std::string signal_name(int signal);
 // below 0 on an error. Allowed only while no other thread runs but the one that waits for signals (catch_stops() in
 // system.h, which must be called again in the new process).
 int split_process(std::error_code& error);
+
+// ----------------------------------------------------------------------------------------------------------------
+// a program in place of this process
+
+// Runs a program in place of this process: with its number, its environment and its three standard streams. Returns
+// only on an error. Signals that catch_stops() (system.h) waits for stay blocked until the program calls it, too.
+std::error_code become_program(const std::string& program, const std::vector<std::string>& arguments);
 
 // ----------------------------------------------------------------------------------------------------------------
 // a program that runs for its output, through watched_process.h

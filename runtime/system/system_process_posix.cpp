@@ -27,6 +27,14 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int third_descriptor = 3;
 
+// The words of a program's command line, as C has them; the strings have to outlive them.
+std::vector<char*> words_of(const std::string& program, const std::vector<std::string>& arguments) {
+  std::vector<char*> words = {const_cast<char*>(program.c_str())};
+  for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
+  words.push_back(nullptr);
+  return words;
+}
+
 // Attributes for posix_spawn, freed on destruction. The program has default signals and its own process group, so that
 // a terminal's signals reach only us, and we end it.
 struct Spawning {
@@ -62,9 +70,7 @@ struct Spawning {
   // A null ends `variables`.
   int start(const std::string& program, const std::vector<std::string>& arguments, char* const* variables,
             std::error_code& error) const {
-    std::vector<char*> words = {const_cast<char*>(program.c_str())};
-    for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
-    words.push_back(nullptr);
+    const std::vector<char*> words = words_of(program, arguments);
     pid_t process = -1;
     const int problem = ::posix_spawn(&process, program.c_str(), &files, &attributes, words.data(), variables);
     error = {problem, std::generic_category()};
@@ -179,6 +185,11 @@ int split_process(std::error_code& error) {
   if (out == 0 && (::prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || ::getppid() != before)) ::_exit(1);
 #endif
   return out;
+}
+
+std::error_code become_program(const std::string& program, const std::vector<std::string>& arguments) {
+  ::execv(program.c_str(), words_of(program, arguments).data());
+  return {errno, std::generic_category()};
 }
 
 std::uint64_t memory_of(int program) {

@@ -6,9 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "bench/compare.h"
-#include "bench/model_check.h"
+#include "bench/earlier_run.h"
+#include "bench/forward_check.h"
 #include "bench/scenes.h"
+#include "model/cli/bench_options.h"
 #include "model/io/scene/ply.h"
 #include "model/io/views/cameras_json.h"
 #include "model/networks/params/init.h"
@@ -44,6 +45,8 @@ TEST(Bench, ReportsEachCaseAgainstPeaksOfTheSameRun) {
   EXPECT_EQ(json["results"][0]["kind"], "compute");
   EXPECT_NE(bench::table(report).find("conv3d/small.16.128-128"), std::string::npos);
 }
+
+TEST(Bench, HasTheSuitesThatTheCommandNames) { EXPECT_EQ(bench::suite_names(), command::bench_suites()); }
 
 // Runs each operation at the benchmark's sizes: the inputs fit the operation, and it gives a result.
 TEST(Bench, RunsEveryOperation) {

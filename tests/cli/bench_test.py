@@ -1,5 +1,9 @@
-"""vsplat bench --compare: a verdict for each case, and an exit code if one is slower than allowed."""
+"""vsplat bench, which a program of its own runs: verdicts of --compare, warnings, signals, and where the program is not there."""
 import json
+import os
+import shutil
+import signal
+import subprocess
 
 import support
 
@@ -37,6 +41,34 @@ class Bench(support.Case):
         compared = json.loads(out)["compared"]
         self.assertEqual([c["verdict"] for c in compared["cases"]], ["faster"])
         self.assertEqual(compared["file"], was_slow)
+
+    def test_warnings_are_printed(self):
+        cache = self.path("cache")
+        os.mkdir(cache)
+        os.chmod(cache, 0o777)  # what others may write to is not used, of which the library warns
+        _, err = self.succeeds(*self.RUN, "--quiet", env={"VSPLAT_CACHE_DIR": cache, "VSPLAT_TUNING": "", "VSPLAT_SELFTEST": ""})
+        self.assertRegex(err, f"warning: {cache}: others may write to this folder")
+        self.assertEqual(err.count("warning: "), 1, err)
+
+    def test_a_stop(self):
+        command = subprocess.Popen([support.VSPLAT, "bench", "conv3d", "--run", "small", "--seconds", "60"], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        self.assertIn("device ", command.stderr.readline())
+        command.send_signal(signal.SIGINT)
+        out, err = command.communicate(timeout=support.PATIENCE)
+        self.assertEqual((command.returncode, out), (130, ""), err)
+        self.assertIn("vsplat: stopped\n", err)
+
+    def test_without_the_program(self):
+        library = os.environ["VSPLAT_LIBRARY"]
+        os.makedirs(self.path("lib"))
+        name = os.path.basename(os.path.realpath(library))
+        shutil.copy(library, self.path("lib", name))
+        os.symlink(name, self.path("lib", ".".join(name.split(".")[:3])))
+        env = {"LD_LIBRARY_PATH": self.path("lib")}
+        self.refuses(1, [self.path("libexec", "vsplat", "vsplat-bench"), "cannot be started", "installed with the command"], *self.RUN, env=env)
+        self.refuses(2, "--secnds", "bench", "--secnds", "1", env=env)  # arguments are checked first
+        self.assertIn("--fail-above", self.succeeds("bench", "--help", env=env)[0])
 
     def test_refusals(self):
         with open(self.path("other.json"), "w") as f:

@@ -86,7 +86,8 @@ set_tests_properties(cli_weights_scripts PROPERTIES LABELS cli TIMEOUT ${test_se
 
 # Operations: a forward for every backward, and files of one stem.
 add_test(NAME pairs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/pairs_test.py)
-set_tests_properties(pairs PROPERTIES LABELS unit TIMEOUT 60 ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
+add_test(NAME stems COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/stems_test.py)
+set_tests_properties(pairs stems PROPERTIES LABELS unit TIMEOUT 60 ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
 
 # Plain words, and allowed includes.
 add_test(NAME words COMMAND Python3::Interpreter ${PROJECT_SOURCE_DIR}/.ci/check-words)

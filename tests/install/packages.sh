@@ -96,6 +96,7 @@ vsplat devices
 vsplat reconstruct /usr/share/doc/vsplat/examples/garden_gnome --output gnome.ply --refine --render orbit:8 --turntable gnome.webp \
   --size 128x128 --quiet
 [ -s gnome.ply ] && [ -s gnome.webp ]
+vsplat bench scan --seconds 0.02 --quiet
 echo "-- data sets, with their package"
 if dpkg -l | grep -q "libembree\|libassimp\|libhdf5"; then echo "what data sets need came with the library"; exit 1; fi
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >mesh.obj

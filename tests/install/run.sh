@@ -29,6 +29,8 @@ done
 # A program beside the library reads meshes.
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >"$work/mesh.obj"
 "$work/moved/bin/vsplat" dataset render "$work/mesh.obj" --output "$work/set" --views 1 --size 16 --quiet
+# Benchmarks, too.
+"$work/moved/bin/vsplat" bench scan --seconds 0.02 --quiet
 # The built-in model, if there is one.
 if [ -f "$here/../../model/weights/model.safetensors" ]; then "$work/moved/bin/vsplat" weights verify; fi
 

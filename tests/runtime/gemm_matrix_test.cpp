@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "model/diagnose/selftest/inputs/convolutions.h"
+#include "model/diagnose/selftest/inputs/random_convolutions.h"
 #include "model/diagnose/selftest/reference/activation.h"
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "model/ops/dense/conv3d.h"

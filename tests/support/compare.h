@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "model/diagnose/selftest/inputs/random.h"
+#include "model/diagnose/selftest/inputs/random_values.h"
 
 namespace vsplat::test {
 

@@ -2,7 +2,7 @@
 #pragma once
 #include <gtest/gtest.h>
 
-#include "model/diagnose/selftest/inputs/convolutions.h"
+#include "model/diagnose/selftest/inputs/random_convolutions.h"
 #include "model/ops/dense/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -1,6 +1,6 @@
 // Cameras around the origin, from the self-test.
 #pragma once
-#include "model/diagnose/selftest/inputs/orbit.h"
+#include "model/diagnose/selftest/inputs/camera_ring.h"
 
 namespace vsplat::test {
 

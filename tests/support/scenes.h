@@ -1,6 +1,6 @@
 // Random scenes and cameras, from the self-test.
 #pragma once
-#include "model/diagnose/selftest/inputs/scenes.h"
+#include "model/diagnose/selftest/inputs/random_scenes.h"
 
 namespace vsplat::test {
 

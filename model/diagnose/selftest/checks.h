@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "model/diagnose/selftest/inputs/random.h"
+#include "model/diagnose/selftest/inputs/random_values.h"
 #include "runtime/context.h"
 
 namespace vsplat::selftest {

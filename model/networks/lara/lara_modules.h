@@ -2,8 +2,8 @@
 #pragma once
 #include "model/networks/lara/decoder.h"
 #include "model/networks/lara/lara_model.h"
-#include "model/networks/lara/lift.h"
-#include "model/networks/lara/modulation.h"
+#include "model/networks/lara/ray_modulation.h"
+#include "model/networks/lara/view_lift.h"
 #include "model/networks/lara/volume.h"
 #include "model/networks/layers/kept.h"
 #include "model/networks/layers/vit.h"

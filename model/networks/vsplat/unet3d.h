@@ -11,7 +11,7 @@ namespace vsplat {
 class VolumeNetwork {
  public:
   // Loads "volume_network.*" except for its first convolution, which lifting applies (see
-  // model/networks/vsplat/lift.h).
+  // model/networks/vsplat/fused_lift.h).
   VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights);
 
   // A residual block's inputs and the output of its first convolution, each with its norm's statistics.

@@ -4,13 +4,13 @@
 
 #include "model/networks/layers/kept.h"
 #include "model/networks/layers/vit.h"
+#include "model/networks/vsplat/fused_lift.h"
 #include "model/networks/vsplat/head.h"
-#include "model/networks/vsplat/lift.h"
-#include "model/networks/vsplat/modulation.h"
+#include "model/networks/vsplat/pose_modulation.h"
 #include "model/networks/vsplat/ray_predictor.h"
-#include "model/networks/vsplat/select.h"
 #include "model/networks/vsplat/unet3d.h"
 #include "model/networks/vsplat/voxel_refiner.h"
+#include "model/networks/vsplat/voxel_selection.h"
 #include "model/networks/vsplat/vsplat_model.h"
 
 namespace vsplat {

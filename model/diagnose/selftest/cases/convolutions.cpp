@@ -1,9 +1,8 @@
 // Convolutions of volumes: dense, by Winograd's method, downwards, upwards, of voxels; and trilinear upsampling.
-#include "model/diagnose/selftest/inputs/convolutions.h"
-
 #include <algorithm>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/random_convolutions.h"
 #include "model/diagnose/selftest/reference/conv3d_up.h"
 #include "model/diagnose/selftest/reference/sparse_conv.h"
 #include "model/diagnose/selftest/reference/sparse_map.h"

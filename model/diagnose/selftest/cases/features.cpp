@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "model/diagnose/selftest/cases/cases.h"
-#include "model/diagnose/selftest/inputs/orbit.h"
+#include "model/diagnose/selftest/inputs/camera_ring.h"
 #include "model/diagnose/selftest/reference/lift.h"
 #include "model/diagnose/selftest/reference/sample_points.h"
 #include "model/diagnose/selftest/reference/view_maps.h"

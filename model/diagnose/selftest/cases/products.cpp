@@ -5,7 +5,7 @@
 #include <string>
 
 #include "model/diagnose/selftest/cases/cases.h"
-#include "model/diagnose/selftest/inputs/convolutions.h"
+#include "model/diagnose/selftest/inputs/random_convolutions.h"
 #include "model/diagnose/selftest/reference/activation.h"
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "model/ops/dense/activation.h"

@@ -2,7 +2,7 @@
 #include <array>
 
 #include "model/diagnose/selftest/cases/cases.h"
-#include "model/diagnose/selftest/inputs/orbit.h"
+#include "model/diagnose/selftest/inputs/camera_ring.h"
 #include "model/diagnose/selftest/reference/patch_embed.h"
 #include "model/diagnose/selftest/reference/plucker.h"
 #include "model/diagnose/selftest/reference/position_encoding.h"

@@ -2,8 +2,8 @@
 #pragma once
 #include <cmath>
 
-#include "model/diagnose/selftest/inputs/random.h"
-#include "model/diagnose/selftest/inputs/scenes.h"
+#include "model/diagnose/selftest/inputs/random_scenes.h"
+#include "model/diagnose/selftest/inputs/random_values.h"
 #include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/lara_maps.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/diagnose/selftest/inputs/random.h"
+#include "model/diagnose/selftest/inputs/random_values.h"
 #include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "model/diagnose/selftest/reference/differences.h"
 

@@ -1,8 +1,8 @@
 // Encoder, modulation and lifting against the PyTorch specification.
 #include "model/networks/layers/vit.h"
 
-#include "model/networks/vsplat/lift.h"
-#include "model/networks/vsplat/modulation.h"
+#include "model/networks/vsplat/fused_lift.h"
+#include "model/networks/vsplat/pose_modulation.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

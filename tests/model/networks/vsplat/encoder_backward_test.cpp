@@ -4,7 +4,7 @@
 #include "model/diagnose/selftest/reference/plucker.h"
 #include "model/networks/layers/vit.h"
 #include "model/networks/params/init.h"
-#include "model/networks/vsplat/modulation.h"
+#include "model/networks/vsplat/pose_modulation.h"
 #include "tests/reference/encoder.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -4,7 +4,7 @@
 
 #include "model/networks/params/init.h"
 #include "model/networks/vsplat/head.h"
-#include "model/networks/vsplat/select.h"
+#include "model/networks/vsplat/voxel_selection.h"
 #include "model/ops/dense/gather.h"
 #include "tests/reference/heads.h"
 #include "tests/support/compare.h"

@@ -1,7 +1,7 @@
 // Heads and selection against the PyTorch specification.
 #include "model/networks/vsplat/head.h"
 
-#include "model/networks/vsplat/select.h"
+#include "model/networks/vsplat/voxel_selection.h"
 #include "model/ops/dense/gather.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -1,0 +1,246 @@
+// vsplat fit: fits a scene to the user's own pictures, and measures it on held-out views.
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "arguments.h"
+#include "fit_job.h"
+#include "placement_options.h"
+#include "scene_file.h"
+
+namespace command {
+namespace {
+
+struct FitSettings {
+  Common common;
+  PlacementOptions placement;
+  FitOptions fit;
+  std::string views, start, model, output, names, picture_folder, near;
+  int view_count = 0;  // 0: the model's
+  bool force = false, dry_run = false, skip_bad = false;
+};
+
+// Parses --start; a file with one of these names is written ./NAME.
+vsplat_fit_start start_of(const std::string& text) {
+  return text == "network"  ? VSPLAT_FIT_NETWORK
+         : text == "points" ? VSPLAT_FIT_POINTS
+         : text == "random" ? VSPLAT_FIT_RANDOM
+                            : VSPLAT_FIT_SCENE;
+}
+
+void check(const FitSettings& o) {
+  if (o.start.empty()) throw UsageError("fit needs --start: a scene's file, or network, points or random");
+  if (o.output.empty() && !o.dry_run) throw UsageError("fit needs --output, the scene's file");
+  need_ending("--output", o.output, ".ply");
+  if (start_of(o.start) != VSPLAT_FIT_NETWORK) {
+    if (!o.model.empty()) throw UsageError("--model is for --start network");
+    if (!o.near.empty()) throw UsageError("--near is for --start network");
+    if (o.view_count) throw UsageError("--view-count is for --start network");
+    if (o.placement.crop != "auto") throw UsageError("--crop is for --start network");
+  }
+}
+
+// The scene to start from.
+vsplat::Scene start_scene(const std::string& path) {
+  vsplat::Scene out = vsplat::Scene::load(path);
+  if (out.info().surfels)
+    throw UsageError(path + " holds surfels, and Gaussians of three scales can be fitted: vsplat convert " +
+                     "--surfels-to-gaussians makes some");
+  return out;
+}
+
+std::string start_file(const FitSettings& o) { return start_of(o.start) == VSPLAT_FIT_SCENE ? o.start : ""; }
+
+// Plans the memory at the largest size: --max-gaussians, else the larger of 1.5 Gaussians a pixel of a picture and
+// twice the start's.
+void dry_run(const FitSettings& o, const FitJob& job) {
+  Session session(o.common);
+  const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
+  vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
+  read.width = read.height = unknown;
+  read.skip_bad = o.skip_bad;
+  const std::vector<vsplat_camera> cameras = vsplat::Cameras::load(o.views, read).all();
+  std::uint64_t begins = 0;
+  int degree = 2;
+  std::vector<Plan> plans;
+  if (job.options.start == VSPLAT_FIT_SCENE) {
+    const vsplat_scene_info info = start_scene(o.start).info();
+    begins = info.count;
+    degree = std::max(degree, info.sh_degree);
+  } else if (job.options.start == VSPLAT_FIT_NETWORK) {
+    const vsplat::Model model = load_model(o.model);
+    begins = static_cast<std::uint64_t>(VSPLAT_ASSUME_SELECTED * static_cast<double>(model.info().max_gaussians));
+    degree = std::max(degree, model.info().sh_degree);
+    vsplat_plan plan = VSPLAT_PLAN_INIT;
+    const int32_t views = o.view_count ? o.view_count : model.info().use_views;
+    vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(),
+                                          std::min(views, static_cast<int32_t>(cameras.size())), VSPLAT_ASSUME_SELECTED,
+                                          &plan));
+    plans.push_back({"the network before it", plan});
+  }
+  double pixels = 1;
+  for (const vsplat_camera& c : cameras) {
+    const double longer = std::max(c.width, c.height);
+    const double scale = job.options.longest > 0 ? std::min(1.0, job.options.longest / longer) : 1;
+    pixels = std::max(pixels, scale * scale * c.width * c.height);
+  }
+  const std::uint64_t grows = job.options.max_gaussians > 0
+                                  ? job.options.max_gaussians
+                                  : std::max(2 * begins, static_cast<std::uint64_t>(1.5 * pixels));
+  if (job.options.sh_degree >= 0) degree = job.options.sh_degree;
+  plans.push_back(plan_fit(session, std::max(begins, grows), degree, cameras, job.options.longest));
+  print_plans(o.common, plans);
+}
+
+void fit(const FitSettings& o) {
+  check(o);
+  FitJob job(o.fit);
+  job.options.start = start_of(o.start);
+  vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
+  set_placement(o.placement, input);
+  input.force = o.force;
+  input.view_count = o.view_count;
+  job.options.input = &input;
+  vsplat_reconstruct_options network = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+  if (!o.near.empty()) network.near_plane = positive_number("--near", o.near, "distance in world units");
+  job.options.reconstruct = &network;
+  std::vector<std::string> names;
+  if (!o.names.empty()) names = list("--views", o.names);
+  std::vector<const char*> name_pointers;
+  name_pointers.reserve(names.size());
+  for (const std::string& name : names) name_pointers.push_back(name.c_str());
+  job.options.names = name_pointers.empty() ? nullptr : name_pointers.data();
+  job.options.num_names = name_pointers.size();
+  set_up_library(o.common);
+  if (o.dry_run) return dry_run(o, job);
+
+  Outputs outputs(o.common.overwrite);
+  const vsplat::Views views = vsplat::Views::load(o.views, views_options(o.picture_folder, o.skip_bad, !names.empty()));
+  for (const std::string& path : {start_file(o), o.model}) outputs.input(path);
+  for (const std::string& path : views.files()) outputs.input(path);
+  SceneFile file(outputs, o.output);
+  for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
+  job.expect(outputs, o.output);
+
+  vsplat::Scene scene;
+  if (job.options.start == VSPLAT_FIT_SCENE) scene = start_scene(o.start);
+  job.options.scene = scene.get();
+  Session session(o.common);
+  session.about("command", "fit");
+  if (job.options.start == VSPLAT_FIT_NETWORK) session.about("model", model_name(o.model));
+  session.about("scene", o.views);
+  vsplat::Model model;
+  if (job.options.start == VSPLAT_FIT_NETWORK) model = load_model(o.model);
+  job.options.model = model.get();
+  const vsplat::Scene result = job.run(session, o.common, views, outputs);
+  file.save(o.common, result);
+  session.write_profile(outputs);
+  outputs.commit();
+  job.summarise(o.common);
+  say(o.common,
+      o.output + ": " + std::to_string(result.info().count) + " Gaussians, " + seconds_text(elapsed_seconds()));
+  if (!o.common.json) return;
+  nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
+  file.add_results(out);
+  job.add_results(out);
+  session.add_numerics(out);
+  out["seconds"] = elapsed_seconds();
+  print_json(out);
+}
+
+void add_fit_options(CLI::App& sub, FitOptions& o) {
+  sub.add_option("--steps", o.steps,
+                 "How many (default: auto, by the number of views; with few of them what suits views left out)")
+      ->type_name("N|auto");
+  sub.add_option("--time", o.seconds, "No step begins that would end after so long, judging included")
+      ->type_name("SECONDS");
+  sub.add_option("--holdout", o.holdout,
+                 "Which pictures judge and are not fitted to (default: auto, every eighth of 12 or more; of fewer each "
+                 "is left out in turn)")
+      ->type_name("auto|none|N|NAME,...");
+  sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default 512)")->type_name("N|full");
+  const char* what = "The scene";
+  sub.add_option("--max-gaussians", o.max_gaussians,
+                 "It may grow up to so many (default: by the pictures; with fewer than 12 it does not grow)")
+      ->type_name("N")
+      ->group(what);
+  sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 of many views)")
+      ->check(one_of({"0", "1", "2", "3"}))
+      ->type_name("0..3")
+      ->group(what);
+  sub.add_option("--freeze", o.freeze, "What stays as it is, of means, scales, rotations, opacities, sh")
+      ->type_name("NAME,...")
+      ->group(what);
+  sub.add_option("--seed", o.seed, "Of the pictures' order, backgrounds, growth and --start random (0)")
+      ->type_name("S")
+      ->group(what);
+}
+
+}  // namespace
+
+void add_fit(CLI::App& app, Run& run) {
+  auto o = std::make_shared<FitSettings>();
+  CLI::App* sub = app.add_subcommand("fit", "Fit a scene to its pictures, and measure the gain on held-out views");
+  sub->add_option("VIEWS", o->views,
+                  "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
+      ->required()
+      ->type_name("VIEWS");
+  sub->add_option("--start", o->start,
+                  "What it begins with: a scene, what the network makes, COLMAP's points, or points at random (a file "
+                  "of such a name is ./NAME)")
+      ->type_name("SCENE.ply|network|points|random");
+  sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
+  sub->add_option("--views", o->names,
+                  "Which pictures are used: names (stem or path) or @ and place in the list from 0 (default: all)")
+      ->type_name("NAME,...|@INDEX,...");
+  add_view_options(*sub, o->picture_folder, o->skip_bad);
+  add_fit_options(*sub, o->fit);
+  sub->add_option("-m,--model", o->model, "Of --start network (default: the built-in model)")->type_name("MODEL");
+  sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")
+      ->type_name("Z");
+  sub->add_option("--view-count", o->view_count,
+                  "How many of the pictures fitted to the network of --start network gets, well spread, 1 to 16 "
+                  "(default: what the model's makers measured)")
+      ->check(CLI::Range(1, 16).description(""))
+      ->type_name("N");
+  add_placement_options(*sub, o->placement);
+  sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
+      ->group(placement_group);
+  const char* beside = "Beside the scene";
+  sub->add_option("--sheet", o->fit.sheet,
+                  "For each picture held out a row: picture, start, result, 4 x difference; for fitted ones where none "
+                  "is")
+      ->type_name("FILE.png")
+      ->group(beside);
+  sub->add_option("--log", o->fit.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
+      ->type_name("FILE.csv")
+      ->group(beside);
+  sub->add_flag("--poses", o->fit.poses,
+                "Correct the cameras a little, too, and write them as cameras.json beside the scene: SCENE.poses.json")
+      ->group(beside);
+  sub->add_flag("--exposure", o->fit.exposure,
+                "Give each picture an affine map of colours while fitting, for exposure that differs; dropped at the "
+                "end")
+      ->group(beside);
+  sub->add_option("--checkpoint", o->fit.checkpoint, "Folder into which the state is written now and then")
+      ->type_name("DIR")
+      ->group(beside);
+  sub->add_flag("--resume", o->fit.resume, "Go on with the state in --checkpoint: the result has the same bytes")
+      ->group(beside);
+  sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes")->group(beside);
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat fit photos/ --start network --output sharp.ply --sheet sheet.png\n"
+      "  vsplat fit photos/ --start scene.ply --output sharp.ply --size full --time 120\n"
+      "  vsplat fit colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
+      "  vsplat fit photos/ --start network --output sharp.ply --poses --exposure\n"
+      "  vsplat fit photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"
+      "  vsplat fit photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
+      "What comes out is never worse than the start on the pictures held out: where the start is best, it is written,\n"
+      "and that is said. Masks and alpha are used where there are any. Ctrl-C ends it with the best so far; a second\n"
+      "one at once. The same input gives the same bytes, except with --time.");
+  sub->callback([o, &run] { run = [o] { fit(*o); }; });
+}
+
+}  // namespace command

@@ -1,0 +1,308 @@
+#include "picture_files.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace command {
+namespace {
+
+void add_output_options(CLI::App& app, PictureOptions& o, const std::string& group) {
+  app.add_option("--images", o.images, "Folder for the pictures: 0000.png, ... in the cameras' order")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--format", o.format, "Of --images: 8-bit PNG (default) or JPEG, or EXR with alpha and depth")
+      ->check(one_of({"png", "jpg", "exr"}))
+      ->type_name("png|jpg|exr")
+      ->group(group);
+  app.add_option("--quality", o.quality, "Of JPEG and --turntable (default 90; 100: --turntable without loss)")
+      ->type_name("1-100")
+      ->group(group);
+  app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
+      ->group(group);
+  app.add_option("--sheet", o.sheet, "All pictures on one: a contact sheet")->type_name("FILE.png")->group(group);
+  app.add_option("--turntable", o.turntable, "All pictures one after the other: an animation that loops")
+      ->type_name("FILE.webp")
+      ->group(group);
+  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100 (default 24)")->type_name("F")->group(group);
+  app.add_option("--write-cameras", o.write_cameras, "The cameras drawn from, as a cameras.json")
+      ->type_name("FILE.json")
+      ->group(group);
+  app.add_option(
+         "--compare", o.compare,
+         "PSNR and SSIM against the pictures of this folder: those of the cameras' files, as --pictures finds them, or "
+         "0000, 0001, ...; larger ones are scaled down")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--differences", o.differences, "With --compare: folder for 4 x |difference| as 0000.png, ...")
+      ->type_name("DIR")
+      ->group(group);
+}
+
+}  // namespace
+
+void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_option) {
+  const std::string group = "Pictures";
+  app.add_option(
+         cameras_option, o.cameras,
+         "Draw the scene from these cameras (transforms.json, cameras.json, COLMAP model or a folder with one), from "
+         "N on a circle, or from N on a smooth path through given ones")
+      ->type_name("CAMERAS|orbit:N|path:CAMERAS:N")
+      ->group(group);
+  add_output_options(app, o, group);
+  app.add_option("--size", o.size,
+                 "Size of the pictures; intrinsics are scaled along (default: what the cameras' file tells, 512x512 of "
+                 "orbit:N and where it tells none)")
+      ->type_name("WxH")
+      ->group(group);
+  app.add_option("--background", o.background,
+                 "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1; or transparent, which gives "
+                 "--images as PNG with alpha (default white)")
+      ->type_name("COLOUR")
+      ->group(group);
+  app.add_option("--orbit-radius", o.orbit_radius, "Distance of orbit:N's cameras, world units")
+      ->type_name("R")
+      ->group(group);
+  app.add_option("--orbit-elevation", o.orbit_elevation, "Their elevation, degrees")->type_name("DEG")->group(group);
+  app.add_option(
+         "--supersample", o.supersample,
+         "Samples along a pixel's edge, 1 to 8: drawn so many times larger, and averaged (default: auto, as many "
+         "as make smaller pictures as fine as those that the scene was made from)")
+      ->type_name("N|auto")
+      ->group(group);
+  app.add_option("--up", o.up, "Which way is up in the world (default: what the scene's file or the cameras tell)")
+      ->type_name("x,y,z")
+      ->group(group);
+}
+
+namespace {
+
+// Refuses options that would have no effect.
+void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choice) {
+  if (o.cameras.empty())
+    for (const auto& [option, given] :
+         {std::pair("--size", !o.size.empty()), std::pair("--background", !o.background.empty()),
+          std::pair("--format", !o.format.empty()), std::pair("--supersample", !o.supersample.empty())})
+      if (given)
+        throw UsageError(option + std::string(" is of the pictures that are drawn: it needs --render, the cameras"));
+  if (choice.orbit == 0)
+    for (const auto& [option, text] :
+         {std::pair("--orbit-radius", &o.orbit_radius), std::pair("--orbit-elevation", &o.orbit_elevation)})
+      if (!text->empty()) throw UsageError(option + std::string(" is of the cameras on a circle: it needs orbit:N"));
+}
+
+}  // namespace
+
+PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles), skip_bad(o.skip_bad) {
+  wanted = !o.cameras.empty();
+  if (wanted) choice = camera_choice("cameras", o.cameras);
+  if (!o.size.empty()) size = picture_size("--size", o.size);
+  if (!o.background.empty()) {
+    const std::array<float, 3> behind = colour("--background", o.background, &transparent);
+    std::copy(behind.begin(), behind.end(), background);
+  }
+  if (!o.near.empty()) near = positive_number("--near", o.near, "distance in world units");
+  supersample = samples("--supersample", o.supersample);
+  read_outputs(o);
+  orbit_options.count = choice.orbit;
+  if (size) orbit_options.width = size->width, orbit_options.height = size->height;
+  if (!o.orbit_radius.empty())
+    orbit_options.radius = positive_number("--orbit-radius", o.orbit_radius, "distance in world units");
+  if (!o.orbit_elevation.empty()) {
+    orbit_options.has_elevation = 1;
+    orbit_options.elevation = number("--orbit-elevation", o.orbit_elevation);
+    if (orbit_options.elevation <= -90 || orbit_options.elevation >= 90)
+      throw UsageError("--orbit-elevation is \"" + o.orbit_elevation + "\": degrees between -90 and 90 expected");
+  }
+  if (!o.up.empty()) {
+    const std::array<double, 3> up = triple("--up", o.up);
+    if (up[0] == 0 && up[1] == 0 && up[2] == 0) throw UsageError("--up is \"" + o.up + "\": not a direction");
+    orbit_options.has_up = 1;
+    for (int i = 0; i < 3; ++i) orbit_options.up[i] = up[static_cast<std::size_t>(i)];
+  }
+  refuse_what_is_of_no_use(o, choice);
+}
+
+void PictureJob::read_outputs(const PictureOptions& o) {
+  images = o.images, sheet = o.sheet, turntable = o.turntable, compare = o.compare, differences = o.differences;
+  write_cameras = o.write_cameras;
+  drawn = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
+  written = drawn || !write_cameras.empty();
+  need_ending("--sheet", sheet, ".png");
+  need_ending("--turntable", turntable, ".webp",
+              "it is written as an animated WebP, which browsers play; a GIF or an MP4 can be made of the pictures, "
+              "--images frames/: ffmpeg -framerate " +
+                  (o.fps.empty() ? std::string("24") : o.fps) + " -i frames/%04d.png -pix_fmt yuv420p turn.mp4");
+  need_ending("--write-cameras", write_cameras, ".json");
+  if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
+  if (!o.format.empty() && written && images.empty())
+    throw UsageError("--format is that of --images: give the folder for them");
+  if (!differences.empty() && compare.empty()) throw UsageError("--differences needs --compare");
+  if (!o.fps.empty()) {
+    animation_options.fps = number("--fps", o.fps);
+    if (animation_options.fps < 0.1 || animation_options.fps > 100)
+      throw UsageError("--fps is \"" + o.fps + "\": 0.1 to 100 pictures per second expected");
+    if (turntable.empty()) throw UsageError("--fps needs --turntable");
+  }
+  if (!o.quality.empty()) {
+    const double value = number("--quality", o.quality);
+    if (value < 1 || value > 100 || value != static_cast<int>(value))
+      throw UsageError("--quality is \"" + o.quality + "\": a whole number from 1 to 100 expected");
+    if (turntable.empty() && o.format != "jpg") throw UsageError("--quality needs --format jpg or --turntable");
+    animation_options.quality = quality = static_cast<int>(value);
+  }
+  if (transparent && written && images.empty())
+    throw UsageError("--background transparent needs --images: contact sheets, animations and comparisons are opaque");
+  if (transparent && (o.format == "jpg" || o.exr_raw))
+    throw UsageError(std::string("--background transparent goes with PNG and EXR: ") +
+                     (o.exr_raw ? "--exr-raw holds what is drawn over a colour" : "JPEG holds no transparency"));
+  format = o.format == "jpg"   ? VSPLAT_PICTURE_JPEG
+           : o.format != "exr" ? (transparent ? VSPLAT_PICTURE_PNG_ALPHA : VSPLAT_PICTURE_PNG)
+           : o.exr_raw         ? VSPLAT_PICTURE_EXR_RAW
+                               : VSPLAT_PICTURE_EXR;
+}
+
+Shots PictureJob::load_cameras() const {
+  const Size unknown = size.value_or(Size{default_size, default_size});
+  Shots out;
+  vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
+  read.width = unknown.width, read.height = unknown.height;
+  read.skip_bad = skip_bad;
+  out.listed = vsplat::Cameras::load(choice.file, read);
+  if (choice.path) out.listed = out.listed.path(choice.path);
+  out.all = out.listed.all();
+  if (!size) return out;
+  for (vsplat_camera& c : out.all) {
+    const double x = static_cast<double>(size->width) / c.width, y = static_cast<double>(size->height) / c.height;
+    c.fx *= x, c.cx *= x, c.fy *= y, c.cy *= y;
+    c.width = size->width, c.height = size->height;
+  }
+  return out;
+}
+
+std::string PictureJob::file(std::size_t index) const {
+  const char* ending = format == VSPLAT_PICTURE_JPEG                                      ? "jpg"
+                       : format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_EXR_RAW ? "exr"
+                                                                                          : "png";
+  return (std::filesystem::path(images) / (index_text(index) + "." + ending)).string();
+}
+
+void PictureJob::expect(Outputs& outputs, std::size_t count) const {
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!images.empty()) outputs.expect(file(i));
+    if (!differences.empty()) outputs.expect(Comparison::difference_file(differences, i));
+  }
+  for (const std::string& file : {sheet, turntable, write_cameras}) outputs.expect(file);
+  clear_stale(outputs, count);
+}
+
+void PictureJob::clear_stale(Outputs& outputs, std::size_t count) const {
+  const auto rest = [&](const auto& name) {
+    std::error_code error;
+    for (std::size_t i = count; std::filesystem::is_regular_file(name(i), error); ++i) outputs.expect_gone(name(i));
+  };
+  if (!images.empty()) rest([&](std::size_t i) { return file(i); });
+  if (!differences.empty()) rest([&](std::size_t i) { return Comparison::difference_file(differences, i); });
+}
+
+// Picture names in the file are paths from it to --images, so that the two together are posed views.
+void PictureJob::save_cameras(const std::vector<vsplat_camera>& all, Outputs& outputs) const {
+  namespace fs = std::filesystem;
+  std::vector<std::string> names;
+  std::vector<const char*> files;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const fs::path picture = fs::absolute(file(i)).lexically_normal();
+    const fs::path from = fs::absolute(write_cameras).lexically_normal().parent_path();
+    names.push_back((images.empty() ? picture.filename() : picture.lexically_relative(from)).string());
+  }
+  for (const std::string& name : names) files.push_back(name.c_str());
+  vsplat::check(vsplat_cameras_save(all.data(), all.size(), files.data(), outputs.begin(write_cameras).c_str()));
+}
+
+std::optional<Comparison> PictureJob::prepare(const Shots& shots, Outputs& outputs) const {
+  const auto other = std::find_if(shots.all.begin(), shots.all.end(), [&](const vsplat_camera& c) {
+    return c.width != shots.all[0].width || c.height != shots.all[0].height;
+  });
+  if (!turntable.empty() && other != shots.all.end())
+    throw UsageError("--turntable needs pictures of one size: camera " + std::to_string(other - shots.all.begin()) +
+                     " draws " + std::to_string(other->width) + " x " + std::to_string(other->height) +
+                     " pixels, the first one " + std::to_string(shots.all[0].width) + " x " +
+                     std::to_string(shots.all[0].height) + "; --size makes them equal");
+  if (compare.empty()) return std::nullopt;
+  return Comparison(compare, differences, background, shots, outputs, skip_bad);
+}
+
+// A picture drawn over black, composited over the background.
+vsplat::Picture PictureJob::over_background(const vsplat::Picture& picture) const {
+  vsplat::Picture out = picture;
+  for (std::size_t i = 0; i < out.colour.size(); ++i) out.colour[i] += (1 - out.alpha[i / 3]) * background[i % 3];
+  return out;
+}
+
+bool PictureJob::over_black() const {
+  return !images.empty() && (format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_PNG_ALPHA);
+}
+
+void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::vector<vsplat_camera>& all,
+                      std::optional<Comparison>& comparison, Outputs& outputs) const {
+  if (!write_cameras.empty()) save_cameras(all, outputs);
+  if (!drawn) return;
+  vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
+  options.near_plane = near;
+  options.exact_tiles = exact_tiles;
+  options.supersample = supersample;
+  // A file with alpha contains no background, so it is drawn over black.
+  if (!over_black()) std::copy(std::begin(background), std::end(background), options.background);
+  if (over_black()) std::fill(std::begin(options.background), std::end(options.background), 0.0f);
+  vsplat_sheet_options sheet_options = VSPLAT_SHEET_OPTIONS_INIT;
+  sheet_options.expected = static_cast<int32_t>(all.size());
+  vsplat::Sheet cells = sheet.empty() ? vsplat::Sheet() : vsplat::Sheet(sheet_options);
+  vsplat::Animation frames = turntable.empty() ? vsplat::Animation() : vsplat::Animation(animation_options);
+  session.start("drawing");
+  const auto tell = [&](const char* stage, double done) {
+    if (!Session::on_progress(&session, stage, done / static_cast<double>(all.size())))
+      throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
+  };
+  std::vector<vsplat::Picture> pictures(all.size());  // pictures that wait for their turn
+  const auto work = [&](const vsplat::Device& device, std::size_t i) {
+    tell("splat", static_cast<double>(i));
+    pictures[i] = vsplat::render(device, scene, all[i], options);
+  };
+  const auto done = [&](std::size_t i) {
+    vsplat::Picture picture = std::exchange(pictures[i], {});
+    if (!images.empty() && format == VSPLAT_PICTURE_JPEG) picture.save_jpeg(outputs.begin(file(i)), quality);
+    if (!images.empty() && format != VSPLAT_PICTURE_JPEG) picture.save(outputs.begin(file(i)), format);
+    if (over_black() && (cells || frames || comparison)) picture = over_background(picture);
+    std::string label = index_text(i);
+    if (comparison) {
+      tell("compare", static_cast<double>(i) + 0.5);
+      label += "  " + comparison->add(i, picture, outputs) + " dB";
+    }
+    if (cells) cells.add(picture, label);
+    if (frames) frames.add(picture);
+  };
+  constexpr std::size_t ahead = 4;  // pictures that may wait for each device
+  vsplat::share_out(session.devices(), all.size(), work, done, ahead * session.devices().size());
+  if (cells) cells.save(outputs.begin(sheet));
+  if (frames) frames.save(outputs.begin(turntable));
+}
+
+std::string PictureJob::summary(std::size_t count) const {
+  const std::string of = drawn ? " picture" : " camera";
+  std::string out = std::to_string(count) + of + (count == 1 ? "" : "s");
+  if (!images.empty()) out += " in " + images;
+  for (const std::string& file : {sheet, turntable, write_cameras})
+    if (!file.empty()) out += ", " + file;
+  return out;
+}
+
+void PictureJob::add_results(const std::optional<Comparison>& comparison, nlohmann::ordered_json& out) const {
+  if (!sheet.empty()) out["sheet"] = sheet;
+  if (!turntable.empty()) out["turntable"] = turntable;
+  if (!write_cameras.empty()) out["cameras"] = write_cameras;
+  if (comparison) out["comparison"] = comparison->json();
+}
+
+}  // namespace command

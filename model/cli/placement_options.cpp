@@ -1,0 +1,51 @@
+#include "placement_options.h"
+
+#include "command.h"
+
+namespace command {
+
+void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad) {
+  app.add_option("--pictures", pictures,
+                 "The folder of the pictures, where they are not where the list has them: found below it, by the end "
+                 "of their paths, and with another ending")
+      ->type_name("DIR");
+  app.add_flag("--skip-bad", skip_bad,
+               "Leave out views that cannot be used (pose, camera, picture or mask), and count them");
+}
+
+vsplat_views_options views_options(const std::string& pictures, bool skip_bad, bool named) {
+  vsplat_views_options out = VSPLAT_VIEWS_OPTIONS_INIT;
+  out.pictures = pictures.empty() ? nullptr : pictures.c_str();
+  out.skip_bad = skip_bad;
+  out.check_later = named;
+  return out;
+}
+
+void add_placement_options(CLI::App& app, PlacementOptions& o) {
+  app.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else estimated)")
+      ->type_name("x,y,z")
+      ->group(placement_group);
+  app.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else estimated)")
+      ->type_name("S")
+      ->group(placement_group);
+  app.add_flag(
+         "--auto-frame", o.auto_frame,
+         "Estimate what is not given even where the file says it: from COLMAP's points, else from masks, else from "
+         "the cameras' axes")
+      ->group(placement_group);
+  app.add_option("--crop", o.crop,
+                 "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "
+                 "square, pad adds white, auto resamples square ones and treats others as object")
+      ->check(one_of({"auto", "object", "crop", "pad"}))
+      ->type_name("auto|object|crop|pad")
+      ->group(placement_group);
+}
+
+vsplat_crop crop_of(const PlacementOptions& options) {
+  return options.crop == "object" ? VSPLAT_CROP_OBJECT
+         : options.crop == "crop" ? VSPLAT_CROP_CROP
+         : options.crop == "pad"  ? VSPLAT_CROP_PAD
+                                  : VSPLAT_CROP_AUTO;
+}
+
+}  // namespace command

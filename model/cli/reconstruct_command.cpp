@@ -1,0 +1,363 @@
+// vsplat reconstruct, the main command: posed pictures and a model in, a scene and pictures of it out.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "fit_job.h"
+#include "picture_files.h"
+#include "placement_options.h"
+#include "reconstruct_list.h"
+#include "scene_file.h"
+
+namespace command {
+namespace {
+
+struct ReconstructOptions {
+  Common common;
+  PictureOptions pictures;
+  PlacementOptions placement;
+  std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
+  std::string selection, selection_seed, assume_selected;
+  int view_count = 0;  // 0: the model's
+  bool force = false, dry_run = false, refine = false;
+  FitOptions fit;
+  std::string list;
+  bool skip_existing = false;
+};
+
+constexpr FitNames fit_names{"--refine-steps", "--refine-size", "--refine-sheet", "--refine-time"};
+
+// Options, parsed and checked against each other before anything is opened.
+struct Request {
+  explicit Request(const ReconstructOptions& o);
+
+  PictureJob pictures;
+  std::vector<std::string> names;
+  std::vector<const char*> name_pointers;
+  vsplat_views_options views = VSPLAT_VIEWS_OPTIONS_INIT;
+  vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
+  vsplat_reconstruct_options run = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+  std::optional<FitJob> fit;
+};
+
+Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
+  if (o.output.empty() && !o.dry_run)
+    throw UsageError(o.list.empty() ? "reconstruct needs --output, the scene's file"
+                                    : "reconstruct --list needs --output, the folder for the scenes");
+  if (o.list.empty()) need_ending("--output", o.output, ".ply", "scenes are written as 3DGS PLY only");
+  if (pictures.wanted && !pictures.written)
+    throw UsageError(
+        "--render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
+  if (!pictures.wanted && pictures.written)
+    throw UsageError(
+        "--images, --sheet, --turntable, --compare and --write-cameras need --render, the cameras to draw from: a "
+        "file, orbit:N or path:CAMERAS:N");
+  if (!o.names.empty()) names = list("--views", o.names);
+  for (const std::string& name : names) name_pointers.push_back(name.c_str());
+  views = views_options(o.picture_folder, o.pictures.skip_bad, !names.empty());
+  input.names = name_pointers.empty() ? nullptr : name_pointers.data();
+  input.num_names = name_pointers.size();
+  input.view_count = o.view_count;
+  set_placement(o.placement, input);
+  input.force = o.force;
+  if (!o.refine && !(o.fit.steps.empty() && o.fit.size.empty() && o.fit.sheet.empty() && o.fit.seconds.empty()))
+    throw UsageError("--refine-steps, --refine-time, --refine-size and --refine-sheet need --refine");
+  if (o.refine && !o.selection.empty())
+    throw UsageError("--selection is of one set of views, and --refine asks the network about others, too");
+  if (o.refine) fit.emplace(o.fit, fit_names);
+  run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
+  if (!o.selection_seed.empty()) {
+    if (run.selection) throw UsageError("--selection-seed has nothing to select beside --selection: give one of them");
+    run.has_seed = 1;
+    run.seed = seed_value("--selection-seed", o.selection_seed);
+  }
+  run.near_plane = pictures.near;
+  if (pictures.orbit_options.has_up) std::copy_n(pictures.orbit_options.up, 3, run.up);
+  run.dump = o.dump.empty() ? nullptr : o.dump.c_str();
+  run.assume_selected = voxel_share("--assume-selected", o.assume_selected);
+}
+
+void dry_run(const ReconstructOptions& o, const Request& request) {
+  Session session(o.common);
+  const vsplat::Model model = load_model(o.model);
+  const vsplat_model_info info = model.info();
+  const vsplat::Views list = vsplat::Views::load(o.views, request.views);
+  size_t listed = 0;
+  uint64_t pictures = 0;
+  vsplat::check(vsplat_views_count(list.get(), &listed));
+  vsplat::check(vsplat_views_get_memory(list.get(), &pictures));
+  const int32_t most = o.view_count ? o.view_count : info.use_views;
+  const size_t views = request.names.empty() ? std::min(listed, static_cast<size_t>(most)) : request.names.size();
+  const double share = request.run.assume_selected > 0 ? request.run.assume_selected : VSPLAT_ASSUME_SELECTED;
+  std::vector<Plan> plans;
+  for (const double selected : {share, 1.0}) {
+    vsplat_plan plan = VSPLAT_PLAN_INIT;
+    vsplat::check(
+        vsplat_plan_reconstruct(session.device().get(), model.get(), static_cast<int32_t>(views), selected, &plan));
+    add_host_memory(plan, pictures, session.device());
+    char title[128];
+    std::snprintf(title, sizeof title, "%zu views, %.4g %% selected%s", views, 100 * selected,
+                  selected == 1.0 ? " (the network cannot take more)" : "");
+    plans.push_back({title, plan});
+    if (share == 1.0) break;
+  }
+  print_plans(o.common, plans);
+}
+
+void summarise(const ReconstructOptions& o, const Session& session, const PictureJob& job, const vsplat::Input& input,
+               const vsplat::Scene& scene, const SceneFile& file, std::size_t pictures,
+               const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit) {
+  const vsplat_scene_info info = scene.info();
+  const std::size_t selected = (fit ? fit->start() : scene).selection().size();
+  if (comparison) say(o.common, comparison->table());
+  if (fit) fit->summarise(o.common);
+  say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + std::to_string(selected) +
+                    " selected voxels" + (pictures ? ", " + job.summary(pictures) : "") + ", " +
+                    seconds_text(elapsed_seconds()));
+  if (!o.common.json) return;
+  const vsplat_input_info placed = input.info();
+  nlohmann::ordered_json out = {{"output", o.output},
+                                {"gaussians", info.count},
+                                {"selected", selected},
+                                {"views", placed.views},
+                                {"center", {placed.center[0], placed.center[1], placed.center[2]}},
+                                {"scale", placed.scale},
+                                {"near", info.near_plane},
+                                {"up", {info.up[0], info.up[1], info.up[2]}},
+                                {"images", job.images.empty() ? 0 : pictures}};
+  file.add_results(out);
+  job.add_results(comparison, out);
+  if (fit) fit->add_results(out["refined"]);
+  session.add_numerics(out);
+  out["seconds"] = elapsed_seconds();
+  print_json(out);
+}
+
+// Fits a scene to all used views (those of --views, else all that are listed), starting from the network's scene from
+// the same views in the same cube. Writes the network's scene first, so that it remains if the fit ends early.
+vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Session& session,
+                              const vsplat::Model& model, const vsplat::Views& views, const vsplat::Input& input,
+                              SceneFile& file, Outputs& outputs) {
+  const vsplat_input_info placed = input.info();
+  vsplat_input_options same = request.input;
+  same.has_center = 1;
+  std::copy(std::begin(placed.center), std::end(placed.center), same.center);
+  same.scale = placed.scale;
+  vsplat_fit_options& options = request.fit->options;
+  options.start = VSPLAT_FIT_NETWORK;
+  options.model = model.get();
+  options.input = &same;
+  options.reconstruct = &request.run;
+  options.names = request.input.names;
+  options.num_names = request.input.num_names;
+  const auto keep = [&](const vsplat::Scene& start) {
+    file.save(o.common, start);
+    outputs.keep();
+    say(o.common,
+        o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are fitted now");
+  };
+  vsplat::Scene fitted = request.fit->run(session, o.common, views, outputs, keep);
+  file.save(o.common, fitted);
+  outputs.keep();
+  return fitted;
+}
+
+// Draws a scene that is already written; if the user stops this, or it fails, the scene remains.
+void draw_fitted(const ReconstructOptions& o, Session& session, const PictureJob& job, const vsplat::Scene& scene,
+                 const std::vector<vsplat_camera>& cameras, std::optional<Comparison>& comparison, Outputs& outputs) {
+  const std::string written = o.output + " is written, its pictures are not: vsplat render draws them";
+  try {
+    if (interrupted()) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
+    job.draw(session, scene, cameras, comparison, outputs);
+  } catch (const vsplat::Error& e) {
+    if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
+    throw std::runtime_error("stopped; " + written);
+  }
+}
+
+// The file that the library writes for --dump.
+std::string dump_file(const ReconstructOptions& o) {
+  return (std::filesystem::path(o.dump) / "stages.safetensors").string();
+}
+
+void reconstruct(ReconstructOptions& o) {
+  if (o.views.empty() && o.list.empty()) throw UsageError("VIEWS is required, or --list");
+  if (o.skip_existing && o.list.empty()) throw UsageError("--skip-existing is of --list");
+  Request request(o);
+  set_up_library(o.common);
+  if (!o.list.empty())
+    return reconstruct_list(
+        {o.common, o.list, o.model, request.views, o.output, o.skip_existing, request.input, request.run});
+  if (o.dry_run) {
+    refuse_profile_of_dry_run(o.common);
+    return dry_run(o, request);
+  }
+  const PictureJob& job = request.pictures;
+  Outputs outputs(o.common.overwrite);
+  const vsplat::Views views = vsplat::Views::load(o.views, request.views);
+  for (const std::string& path : {o.model, o.selection}) outputs.input(path);
+  outputs.input_cameras(job.choice.file);
+  for (const std::string& path : views.files()) outputs.input(path);
+  SceneFile file(outputs, o.output);
+  for (const std::string& path : {o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
+  if (!o.dump.empty()) outputs.expect(dump_file(o));
+  if (request.fit) request.fit->expect(outputs, o.output);
+  if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
+
+  Session session(o.common);
+  session.about("command", "reconstruct");
+  session.about("model", model_name(o.model));
+  session.about("scene", o.views);
+  const vsplat::Model model = load_model(o.model);
+  Shots shots;
+  if (job.wanted && !job.choice.orbit) {
+    shots = job.load_cameras();
+    job.expect(outputs, shots.all.size());
+  }
+  const vsplat::Input input(model, views, request.input);
+  if (job.choice.orbit) {
+    shots.listed = input.orbit(job.orbit_options);
+    shots.all = shots.listed.all();
+  }
+  std::optional<Comparison> comparison;
+  if (job.wanted) comparison = job.prepare(shots, outputs);
+  const std::vector<std::string> view_files =
+      o.write_views.empty() ? std::vector<std::string>() : input.files(o.write_views);
+  for (const std::string& path : view_files) outputs.expect(path);
+
+  request.run.progress = Session::on_progress;
+  request.run.user = &session;
+  if (request.run.dump) outputs.begin(dump_file(o));
+  session.start("reconstructing");
+  vsplat::Scene scene;
+  if (!request.fit || request.run.dump) scene = vsplat::reconstruct(session.device(), model, input, request.run);
+  if (request.fit) scene = fit_to_pictures(o, request, session, model, views, input, file, outputs);
+  if (job.wanted && request.fit)
+    draw_fitted(o, session, job, scene, shots.all, comparison, outputs);
+  else if (job.wanted)
+    job.draw(session, scene, shots.all, comparison, outputs);
+  for (const std::string& path : view_files) outputs.begin(path);
+  if (!o.write_views.empty()) input.save(o.write_views);
+  if (!o.write_selection.empty())
+    vsplat::check(vsplat_scene_save_selection((request.fit ? request.fit->start() : scene).get(),
+                                              outputs.begin(o.write_selection).c_str()));
+  if (!request.fit) file.save(o.common, scene);
+  session.write_profile(outputs);
+  outputs.commit();
+  summarise(o, session, job, input, scene, file, shots.all.size(), comparison, request.fit);
+}
+
+void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
+  const std::string group = "Fitting";
+  sub.add_flag("--refine", o.refine,
+               "Then fit the scene to the pictures, as `vsplat fit --start network` does: to those of --views, "
+               "else all")
+      ->group(group);
+  sub.add_option("--refine-steps", o.fit.steps, "How many (default: auto, by the number of views)")
+      ->type_name("N|auto")
+      ->group(group);
+  sub.add_option("--refine-time,--time", o.fit.seconds, "No step begins that would end after so long")
+      ->type_name("SECONDS")
+      ->group(group);
+  sub.add_option("--refine-size", o.fit.size, "Pixels of the pictures' longer side (default 512)")
+      ->type_name("N|full")
+      ->group(group);
+  sub.add_option("--refine-sheet", o.fit.sheet,
+                 "For each picture held out a row: picture, what the network makes, result, 4 x difference")
+      ->type_name("FILE.png")
+      ->group(group);
+}
+
+void add_extras(CLI::App& sub, ReconstructOptions& o) {
+  const std::string group = "More";
+  sub.add_option("--write-views", o.write_views, "Write what the network gets: pictures and cameras.json")
+      ->type_name("DIR")
+      ->group(group);
+  sub.add_option("--write-selection", o.write_selection, "Write the selected voxels as text")
+      ->type_name("FILE")
+      ->group(group);
+  sub.add_option("--selection", o.selection, "Take these voxels instead of selecting")->type_name("FILE")->group(group);
+  sub.add_option("--selection-seed", o.selection_seed, "Select with noise from this seed (default: without noise)")
+      ->type_name("S")
+      ->group(group);
+  sub.add_option("--near", o.pictures.near, "Near plane, world units (default: 0.2 times the cube's edge)")
+      ->type_name("Z")
+      ->group(group);
+  sub.add_option("--dump", o.dump, "Write every stage's result as safetensors")->type_name("DIR")->group(group);
+  sub.add_flag("--dry-run", o.dry_run, "Only say how much memory each stage would take")->group(group);
+  sub.add_option("--assume-selected", o.assume_selected,
+                 "Share of the voxels to plan with (default " + share_text(VSPLAT_ASSUME_SELECTED) + ")")
+      ->type_name("F")
+      ->group(group);
+}
+
+// Added after all options that apply only to a single set of views.
+void add_list(CLI::App& sub, ReconstructOptions& o) {
+  const std::vector<std::string> with = {
+      "--help",  "--model", "--output", "--pictures", "--skip-bad", "--view-count",     "--auto-frame",     "--center",
+      "--scale", "--crop",  "--force",  "--near",     "--up",       "--selection-seed", "--assume-selected"};
+  std::vector<CLI::Option*> others;
+  for (CLI::Option* option : sub.get_options())
+    if (std::none_of(with.begin(), with.end(), [&](const std::string& name) { return option->check_name(name); }))
+      others.push_back(option);
+  const std::string group = "Many objects";
+  CLI::Option* list =
+      sub.add_option(
+             "--list", o.list,
+             "A text file (or - for stdin) with a VIEWS a line, as on the command line, and after a tab, where "
+             "it is given, the scene's name: each becomes DIR/NAME.ply. What cannot be read is told at the end, "
+             "the others are made; --device takes several")
+          ->type_name("FILE")
+          ->group(group);
+  for (CLI::Option* other : others) list->excludes(other);
+  sub.add_flag("--skip-existing", o.skip_existing, "Of --list: leave out those whose scene is there")->group(group);
+}
+
+}  // namespace
+
+void add_reconstruct(CLI::App& app, Run& run) {
+  auto o = std::make_shared<ReconstructOptions>();
+  CLI::App* sub = app.add_subcommand("reconstruct", "Make a scene from posed pictures");
+  sub->add_option("VIEWS", o->views,
+                  "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
+      ->type_name("VIEWS");
+  sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
+  sub->add_option("-o,--output", o->output, "The scene to write; of --list the folder for the scenes")
+      ->type_name("SCENE.ply|DIR");
+  sub->add_option("--views", o->names,
+                  "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
+                  "(default: well spread ones, as many as --view-count says, or all)")
+      ->type_name("NAME,...|@INDEX,...");
+  sub->add_option("--view-count", o->view_count,
+                  "How many pictures to take where there are more, 1 to 16 (default: what the model's makers measured; "
+                  "`vsplat weights info` shows it as use_views, or views)")
+      ->check(CLI::Range(1, 16).description(""))
+      ->excludes("--views")
+      ->type_name("N");
+  add_view_options(*sub, o->picture_folder, o->pictures.skip_bad);
+  add_placement_options(*sub, o->placement);
+  sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
+      ->group(placement_group);
+  add_picture_options(*sub, o->pictures, "--render");
+  add_fit_after(*sub, *o);
+  add_extras(*sub, *o);
+  add_list(*sub, *o);
+  add_common(*sub, o->common, {.precision = true});
+  sub->footer(
+      "Examples:\n"
+      "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"
+      "  vsplat reconstruct photos/ --output sharp.ply --refine --refine-sheet sheet.png\n"
+      "  vsplat reconstruct photos/transforms.json --model model.safetensors --output scene.ply \\\n"
+      "         --views 20,25,29,32 --center -0.1,-0.1,-2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
+      "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"
+      "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
+      "  vsplat reconstruct --list objects.txt --output scenes/ --device all --skip-existing\n"
+      "The scene is in the world of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP; alpha and masks\n"
+      "become white.\n"
+      "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json world-to-camera\n"
+      "with x right, y down, z forward.");
+  sub->callback([o, &run] { run = [o] { reconstruct(*o); }; });
+}
+
+}  // namespace command

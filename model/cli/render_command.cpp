@@ -1,0 +1,147 @@
+// vsplat render: pictures of a scene from a PLY file.
+#include <nlohmann/json.hpp>
+
+#include "picture_files.h"
+
+namespace command {
+namespace {
+
+struct RenderOptions {
+  Common common;
+  PictureOptions pictures;
+  std::string scene;
+  bool dry_run = false;
+};
+
+vsplat::Scene load_scene(const RenderOptions& o) {
+  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
+  options.skip_bad = o.pictures.skip_bad;
+  return vsplat::Scene::load(o.scene, options);
+}
+
+nlohmann::ordered_json skipped_json(const vsplat_scene_info& info) {
+  return {{"not_finite", info.skipped_not_finite},
+          {"huge_scale", info.skipped_huge_scale},
+          {"zero_rotation", info.skipped_zero_rotation}};
+}
+
+void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scene,
+             const std::vector<vsplat_camera>& cameras) {
+  vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
+  options.near_plane = PictureJob(o.pictures).near;
+  options.exact_tiles = o.pictures.exact_tiles;
+  options.supersample = PictureJob(o.pictures).supersample;
+  options.progress = &Session::on_progress;
+  options.user = &session;
+  session.start("counting");
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  vsplat::check(
+      vsplat_plan_scene(session.device().get(), scene.get(), cameras.data(), cameras.size(), &options, &plan));
+  constexpr uint64_t encoding = 8;  // bytes a pixel: rounded values, and the encoded file
+  uint64_t most = 0;
+  for (const vsplat_camera& camera : cameras)
+    most = std::max(most, static_cast<uint64_t>(camera.width) * static_cast<uint64_t>(camera.height));
+  add_host_memory(plan, encoding * most, session.device());
+  print_plans(o.common, {{std::to_string(scene.info().count) + " Gaussians, " + std::to_string(cameras.size()) +
+                              (cameras.size() == 1 ? " picture" : " pictures"),
+                          plan}});
+}
+
+void print_results(const RenderOptions& o, const Session& session, const PictureJob& job, const vsplat::Scene& scene,
+                   std::size_t count, const std::optional<Comparison>& comparison) {
+  if (comparison) say(o.common, comparison->table());
+  say(o.common, job.summary(count) + " of " + std::to_string(scene.info().count) + " Gaussians, " +
+                    seconds_text(elapsed_seconds()));
+  if (!o.common.json) return;
+  nlohmann::ordered_json files = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < count && !job.images.empty(); ++i) files.push_back(job.file(i));
+  nlohmann::ordered_json out = {
+      {"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}, {"images", files}};
+  job.add_results(comparison, out);
+  session.add_numerics(out);
+  out["seconds"] = elapsed_seconds();
+  print_json(out);
+}
+
+void render(const RenderOptions& o) {
+  const PictureJob job(o.pictures);
+  if (o.dry_run) refuse_profile_of_dry_run(o.common);
+  if (!job.wanted) throw UsageError("render needs --cameras");
+  if (job.orbit_options.has_up && !job.choice.orbit)
+    throw UsageError("--up is of the cameras on a circle: it needs orbit:N");
+  if (!job.written && !o.dry_run)
+    throw UsageError(
+        "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.scene);
+  outputs.input_cameras(job.choice.file);
+  outputs.expect(o.common.profile);
+  outputs.expect(o.common.trace);
+  Shots shots;
+  if (!job.choice.orbit) shots = job.load_cameras();
+  if (!o.dry_run) job.expect(outputs, job.choice.orbit ? static_cast<std::size_t>(job.choice.orbit) : shots.all.size());
+  const vsplat::Scene scene = load_scene(o);
+  if (job.choice.orbit) {
+    const vsplat_scene_info info = scene.info();
+    if (!job.orbit_options.has_up && info.up[0] == 0 && info.up[1] == 0 && info.up[2] == 0)
+      say(o.common, o.scene + " does not tell which way is up: -y is taken (--up 0,0,1 for scenes that stand on xy)");
+    shots.listed = scene.orbit(job.orbit_options);
+    shots.all = shots.listed.all();
+  }
+  std::optional<Comparison> comparison;
+  if (!o.dry_run) comparison = job.prepare(shots, outputs);
+
+  Session session(o.common, o.dry_run ? Devices::one : Devices::several);
+  if (o.dry_run) return dry_run(o, session, scene, shots.all);
+  session.about("command", "render");
+  session.about("scene", o.scene);
+  job.draw(session, scene, shots.all, comparison, outputs);
+  session.write_profile(outputs);
+  outputs.commit();
+  print_results(o, session, job, scene, shots.all.size(), comparison);
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, Run& run) {
+  auto o = std::make_shared<RenderOptions>();
+  CLI::App* sub = app.add_subcommand("render", "Draw a scene from a 3DGS PLY file");
+  sub->add_option("scene", o->scene, "A standard 3DGS PLY file")->required()->type_name("SCENE.ply");
+  add_picture_options(*sub, o->pictures, "--cameras");
+  sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
+      ->type_name("Z")
+      ->group("Pictures");
+  sub->add_flag("--skip-bad", o->pictures.skip_bad,
+                "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), "
+                "cameras that "
+                "cannot be used, and pictures of --compare that are missing or cannot be read");
+  sub->add_flag(
+         "--exact-tiles", o->pictures.exact_tiles,
+         "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, sooner where many are thin")
+      ->group("Pictures");
+  sub->add_flag("--dry-run", o->dry_run, "Only say how much memory it would take");
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat render scene.ply --cameras orbit:24 --images turn/\n"
+      "  vsplat render scene.ply --cameras orbit:72 --turntable turn.webp --sheet sheet.png\n"
+      "  vsplat render scene.ply --cameras path:keys.json:120 --size 1280x720 --turntable flight.webp --fps 30\n"
+      "  vsplat render scene.ply --cameras photos/transforms.json --compare photos/images --differences off/ --json\n"
+      "  vsplat render scene.ply --cameras photos/transforms.json --images again/ --size 640x480 --background black\n"
+      "  vsplat render scene.ply --cameras orbit:1 --up 0,0,1 --orbit-elevation -10 --images x/ --format exr\n"
+      "  vsplat render scene.ply --cameras orbit:24 --images set/ --background transparent --write-cameras "
+      "set/cameras.json\n"
+      "orbit:N is a circle about the scene, from where all of it is in the picture; up is what the file tells, else "
+      "-y.\n"
+      "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between, "
+      "round\n"
+      "the point that they look at where there is one.\n"
+      "--compare: alpha and the cameras' masks come over --background, lens distortion is undone; SSIM takes 11 x 11\n"
+      "Gaussian windows, sigma 1.5; with --json, null is an infinite PSNR (equal) or the SSIM of a picture too small.\n"
+      "cameras.json: [{\"file\", \"w\", \"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"w2c\": 4x4}, ...], x right, y down, z "
+      "forward.");
+  sub->callback([o, &run] { run = [o] { render(*o); }; });
+}
+
+}  // namespace command

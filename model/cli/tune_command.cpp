@@ -1,0 +1,133 @@
+// vsplat tune: finds the fastest variants of the kernels on a device, and stores them for every later run.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <vsplat/vsplat.hpp>
+
+#include "arguments.h"
+#include "command.h"
+#include "job_names.h"
+#include "outputs.h"
+#include "session.h"
+
+namespace command {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct TuneOptions {
+  Common common;
+  std::string model, jobs = "reconstruct,render", output;
+  double seconds = 0;
+  bool quick = false, full = false, again = false;
+};
+
+// "gemm m=4096 n=768 k=768 taps=1"
+std::string words_of(const Json& named) {
+  std::string out;
+  for (const auto& [name, value] : named.items()) out += (out.empty() ? "" : " ") + name + "=" + value.dump();
+  return out;
+}
+
+// Why a set was refused.
+std::string reason_of(const Json& one) {
+  const bool wrong = one["verdict"] == "wrong";
+  if (wrong && one["error"].is_number()) return "wrong: off by " + one["error"].dump() + " of the largest value";
+  const std::string why = one["why"].is_string() ? one["why"].get<std::string>() : "";
+  if (wrong) return "wrong: " + (why.empty() ? "some values are no numbers" : why);
+  return why.empty() ? "it does not run" : why;
+}
+
+void print_tuned(const Json& told) {
+  for (const Json& one : told["chosen"]) {
+    const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
+    std::printf("%-20s %-40s %-32s ", op.c_str(), shape.c_str(), set.c_str());
+    if (one["times_as_fast"].is_number())
+      std::printf("%5.2f times as fast\n", one["times_as_fast"].get<double>());
+    else
+      std::printf("as before, not timed again\n");
+  }
+  for (const Json& one : told["refused"]) {
+    const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
+    std::printf("%-20s %-40s %-32s refused, %s\n", op.c_str(), shape.c_str(), set.c_str(),
+                for_terminal(reason_of(one)).c_str());
+  }
+  const std::string table = told["table"];
+  if (table.empty())
+    std::printf("the defaults are best, as far as was tried\n");
+  else
+    std::printf("table %s: %s\n", table.substr(0, 12).c_str(), for_terminal(told["path"]).c_str());
+}
+
+std::string text_of_search(const Session& session, const vsplat::Model& model, const vsplat_tune_options& options) try {
+  return session.device().tune(model.get(), options);
+} catch (const vsplat::Error& e) {
+  if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
+  throw std::runtime_error("stopped; what was tried is kept, and another run goes on from there");
+}
+
+void tune(const TuneOptions& o) {
+  set_up_library(o.common);
+  if (o.quick && o.full) throw UsageError("--quick and --full: one of them");
+  if (o.full && o.seconds > 0) throw UsageError("--seconds is of --quick: --full takes as long as it takes");
+  const vsplat::Model model = load_model(o.model);
+  Session session(o.common);
+  vsplat_tune_options options = VSPLAT_TUNE_OPTIONS_INIT;
+  options.jobs = jobs_of("--for", o.jobs);
+  options.full = o.full;
+  options.again = o.again;
+  options.seconds = o.seconds;
+  options.path = o.output.empty() ? nullptr : o.output.c_str();
+  options.progress = Session::on_progress;
+  options.user = &session;
+  session.start("tune");
+  const Json told = Json::parse(text_of_search(session, model, options));
+  clear_progress();
+  const auto tried = told["tried"].get<long>(), left = told["left"].get<long>();
+  say(o.common,
+      std::to_string(tried) + " sets tried in " + seconds_text(told["seconds"]) +
+          (left > 0 ? "; " + std::to_string(left) + " more are left for another run, for want of time or memory" : ""));
+  if (o.common.json)
+    print_json(told);
+  else
+    print_tuned(told);
+  if (!told["not_right"].empty())
+    throw std::runtime_error(std::to_string(told["not_right"].size()) +
+                             " operations have no set of parameters that is right on this device, the first: " +
+                             told["not_right"][0].get<std::string>());
+}
+
+}  // namespace
+
+void add_tune(CLI::App& app, Run& run) {
+  auto o = std::make_shared<TuneOptions>();
+  CLI::App* sub = app.add_subcommand("tune", "Find a device's fastest kernels, and use them from then on");
+  sub->add_flag("--quick", o->quick, "About a minute: what takes longest first, one parameter at a time (the default)");
+  sub->add_flag("--full", o->full, "All combinations of values, for as long as it takes");
+  sub->add_option("--seconds", o->seconds, "After which --quick begins nothing more (default: 50)")
+      ->check(positive())
+      ->type_name("S");
+  sub->add_flag("--again", o->again, "Also try again what was tried before");
+  sub->add_option("--model", o->model, "Whose sizes are tuned for (default: the model inside)")
+      ->type_name("MODEL.safetensors");
+  sub->add_option("--for", o->jobs, "Whose sizes: of reconstruct,render,fit,train (default: reconstruct,render)")
+      ->type_name("JOBS");
+  sub->add_option(
+         "-o,--output", o->output,
+         "Write the table here, for VSPLAT_TUNING; what was tried is taken up from it (default: into the cache)")
+      ->type_name("TABLE.json");
+  add_common(*sub, o->common, {.profile = false, .overwrite = false, .outside = false});
+  sub->footer(
+      "Each set of parameters is held against sums in double precision before it may win, and timed beside the best "
+      "so\n"
+      "far; what is wrong is refused by name. What was tried is kept at once: a search that is stopped goes on where "
+      "it\n"
+      "was. VSPLAT_TUNING=off runs without a table, VSPLAT_TUNING=TABLE.json with that one.\n"
+      "Examples:\n"
+      "  vsplat tune\n"
+      "  vsplat tune --full --for reconstruct,render,train\n"
+      "  vsplat tune --model paper.safetensors --json");
+  sub->callback([o, &run] { run = [o] { tune(*o); }; });
+}
+
+}  // namespace command
