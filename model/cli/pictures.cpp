@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "naming.h"
+
 namespace command {
 namespace {
 
@@ -171,7 +173,7 @@ Shots PictureJob::load_cameras() const {
   read.width = unknown.width, read.height = unknown.height;
   read.skip_bad = skip_bad;
   out.listed = vsplat::Cameras::load(choice.file, read);
-  if (choice.path) out.listed = out.listed.path(choice.path);
+  if (choice.path) out.listed = naming({choice.file}, {}, [&] { return out.listed.path(choice.path); });
   out.all = out.listed.all();
   if (!size) return out;
   for (vsplat_camera& c : out.all) {

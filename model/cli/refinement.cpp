@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "naming.h"
 #include "runtime/system/system.h"
 
 namespace command {
@@ -163,7 +164,8 @@ vsplat::Scene RefineJob::run(Session& session, const Common& common, const vspla
                              const std::function<void(const vsplat::Scene&)>& on_start) {
   session.start("refining");
   show_progress(common, "refining: reading pictures");
-  const vsplat::Refinement refinement(session.device(), views, options);
+  const vsplat::Refinement refinement =
+      naming({from}, {checkpoint_}, [&] { return vsplat::Refinement(session.device(), views, options); });
   if (on_start) on_start(refinement.start());
   Teller teller(common);
   std::string log = "step,phase,loss,gaussians,psnr,seconds\n";

@@ -32,6 +32,7 @@ class RefineJob {
 
   // The caller sets start, scene, model, input and names.
   vsplat_refine_options options = VSPLAT_REFINE_OPTIONS_INIT;
+  std::string from;  // the path of the views, for errors about them
 
   // `output`: the scene's file; poses are written beside it.
   void expect(Outputs& outputs, const std::string& output);
