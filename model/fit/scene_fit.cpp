@@ -256,19 +256,24 @@ long SceneFit::Impl::measured_by_all(std::size_t rounds) const {
 }
 
 void SceneFit::Impl::judge() {
-  const auto begun = Clock::now();
   const Leg& now = legs[leg];
   const long at = fitter->steps_done();
+  const long compilations = ctx.profiler().compilations();
   Judged here;
+  double took = 0;
   for (const int view : now.judges) {
-    const FitScore score = fitter->judge(on_device(view));
+    const DeviceFitPicture& picture = on_device(view);
+    const auto begun = Clock::now();
+    const FitScore score = fitter->judge(picture);
+    took += seconds_since(begun);
     here.psnr += score.psnr;
     here.ssim += score.ssim;
     ++here.pictures;
   }
   if (here.pictures == 0) return;
   const Uncancelled whole(ctx);
-  look_seconds = seconds_since(begun) / here.pictures;
+  // Compilation, like the reading of pictures, is not repeated.
+  if (ctx.profiler().compilations() == compilations) look_seconds = took / here.pictures;
   falls = mean(here).psnr < last_psnr ? falls + 1 : 0;
   last_psnr = mean(here).psnr;
   Judged& sum = curve[at];
