@@ -179,11 +179,11 @@ vsplat::Scene RefineJob::run(Session& session, const Common& common, const vspla
     }
     more = refinement.step(progress);
     teller.tell(progress);
+    folds_ = folds_ || std::string(progress.phase).starts_with("leaving out");
     if (!log_.empty()) add_log_line(log, progress, elapsed_seconds() - begun);
   }
   clear_progress();
   result_ = refinement.result();
-  used_ = refinement.views(VSPLAT_REFINE_USED).size();
   judged_ = names_of(refinement, VSPLAT_REFINE_JUDGED, views);
   suspects_ = names_of(refinement, VSPLAT_REFINE_SUSPECTS, views);
   start_ = refinement.start();
@@ -225,9 +225,8 @@ void RefineJob::summarise(const Common& common) const {
          " agrees with the result far less than the other pictures do: a wrong pose, another lighting, a moved "
          "object?");
   const vsplat_refine_result& r = result_;
-  const bool folds = r.num_judged > 0 && judged_.size() == used_;
   const std::string on =
-      pictures_text(judged_.size()) + (folds ? ", each left out in turn: " : " that it was not fitted to: ");
+      pictures_text(judged_.size()) + (folds_ ? ", each left out in turn: " : " that it was not fitted to: ");
   if (stopped_)
     tell_stop(common, "stopped; the best so far is written: " +
                           (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));

@@ -59,8 +59,7 @@ class RefineJob {
   std::string log_, sheet_, poses_, checkpoint_;
   vsplat::Scene start_;
   vsplat_refine_result result_ = VSPLAT_REFINE_RESULT_INIT;
-  bool stopped_ = false;
-  std::size_t used_ = 0;
+  bool stopped_ = false, folds_ = false;  // `folds_`: views were left out in turn
   std::vector<std::string> judged_, suspects_;
 };
 

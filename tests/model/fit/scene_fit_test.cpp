@@ -294,6 +294,19 @@ TEST_F(SceneFitTest, TimeCountsNoPictureTwice) {
   EXPECT_LT(fit.result().seconds, 10);
 }
 
+// Views are left out in turn only as long as enough time remains to fit all of them.
+TEST_F(SceneFitTest, TimeLeavesEnoughForTheFit) {
+  make(8);
+  FitRequest request;
+  request.steps = 0;
+  request.seconds = 2;
+  const FitResult result = run(request);
+  EXPECT_FALSE(result.start_returned);
+  EXPECT_GT(result.judged.size(), 0u);
+  EXPECT_GT(result.result.psnr, result.start.psnr);
+  EXPECT_LT(result.seconds, 3);
+}
+
 TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotRefined) {
   make(1);
   const FitResult result = run({});
