@@ -5,6 +5,7 @@ find_dependency(PNG)
 find_dependency(JPEG)
 find_dependency(OpenEXR)
 find_dependency(TIFF)
+@VSPLAT_FIND_GIF@
 find_dependency(OpenCL)
 find_dependency(CLBlast)
 find_dependency(OpenSSL COMPONENTS Crypto)

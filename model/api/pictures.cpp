@@ -2,9 +2,9 @@
 #include <algorithm>
 
 #include "model/api/handle.h"
+#include "model/io/picture/animation.h"
 #include "model/io/picture/contact_sheet.h"
 #include "model/io/picture/image_file.h"
-#include "model/io/picture/webp_animation.h"
 #include "runtime/fail.h"
 
 struct vsplat_sheet_impl : vsplat::api::Counted {
@@ -13,8 +13,8 @@ struct vsplat_sheet_impl : vsplat::api::Counted {
 };
 
 struct vsplat_animation_impl : vsplat::api::Counted {
-  explicit vsplat_animation_impl(const vsplat::AnimationOptions& options) : animation(options) {}
-  vsplat::WebpAnimation animation;
+  explicit vsplat_animation_impl(std::unique_ptr<vsplat::AnimationFile> of) : animation(std::move(of)) {}
+  std::unique_ptr<vsplat::AnimationFile> animation;
 };
 
 using namespace vsplat;
@@ -131,7 +131,10 @@ vsplat_status vsplat_animation_create(const vsplat_animation_options* options, v
   return guarded([&] {
     need(out_animation, "out_animation");
     const vsplat_animation_options o = taken(options, VSPLAT_ANIMATION_OPTIONS_INIT, "options");
-    *out_animation = std::make_unique<vsplat_animation_impl>(AnimationOptions{o.fps, o.quality}).release();
+    if (o.format != VSPLAT_ANIMATION_WEBP && o.format != VSPLAT_ANIMATION_GIF)
+      fail(Status::usage, "format is {}, not a value of vsplat_animation_format", o.format);
+    const auto make = o.format == VSPLAT_ANIMATION_GIF ? gif_animation : webp_animation;
+    *out_animation = std::make_unique<vsplat_animation_impl>(make({o.fps, o.quality})).release();
   });
 }
 
@@ -142,7 +145,7 @@ vsplat_status vsplat_animation_add(vsplat_animation animation, const vsplat_pict
                                    int32_t height) {
   return guarded([&] {
     need(animation, "animation");
-    animation->animation.add(colour_of(picture, width, height));
+    animation->animation->add(colour_of(picture, width, height));
   });
 }
 
@@ -150,6 +153,6 @@ vsplat_status vsplat_animation_save(vsplat_animation animation, const char* path
   return guarded([&] {
     need(animation, "animation");
     need(path, "path");
-    animation->animation.write(path);
+    animation->animation->write(path);
   });
 }

@@ -26,7 +26,7 @@ std::string lines_of(const std::vector<std::string>& names) {
 
 // (The operations are those that bench/CMakeLists.txt lists.)
 std::vector<std::string> bench_suites() {
-  return words("gemm conv3d render train refine model sparse " VSPLAT_BENCH_OPERATIONS);
+  return words("gemm conv3d render train fit model sparse " VSPLAT_BENCH_OPERATIONS);
 }
 
 CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
@@ -83,7 +83,7 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       "could be done in. A case takes --seconds, or three runs, but no more than 30 times as long.\n"
       "Every case's result is checked before it is timed, of most single operations only that there is one; the peaks\n"
       "are measured in the same run.\n"
-      "Suites: gemm, conv3d, render, train, refine, model, sparse, and of single operations:\n" +
+      "Suites: gemm, conv3d, render, train, fit, model, sparse, and of single operations:\n" +
       lines_of(words(VSPLAT_BENCH_OPERATIONS)));
   return sub;
 }

@@ -194,8 +194,13 @@ std::string seconds_text(double seconds) {
   char text[64];
   if (seconds < 60)
     std::snprintf(text, sizeof text, "%.1f s", seconds);
-  else
+  else if (seconds < 3600)
     std::snprintf(text, sizeof text, "%d min %02d s", static_cast<int>(seconds) / 60, static_cast<int>(seconds) % 60);
+  else if (seconds < 86400)
+    std::snprintf(text, sizeof text, "%d h %02d min", static_cast<int>(seconds) / 3600,
+                  static_cast<int>(seconds) / 60 % 60);
+  else
+    std::snprintf(text, sizeof text, "%.1f days", seconds / 86400);
   return text;
 }
 

@@ -17,7 +17,10 @@ void convert(const ConvertOptions& o) {
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
   SceneFile file(outputs, o.output);
-  const vsplat::Scene scene = vsplat::Scene::load(o.scene).surfels_to_gaussians(o.thickness);
+  const vsplat::Scene given = vsplat::Scene::load(o.scene);
+  if (!given.info().surfels)
+    throw UsageError(o.scene + ": its Gaussians have three scales each already; a scene of surfels is expected");
+  const vsplat::Scene scene = given.surfels_to_gaussians(o.thickness);
   file.save(o.common, scene);
   outputs.commit();
   const uint64_t count = scene.info().count;

@@ -7,6 +7,7 @@
 #include "command.h"
 #include "evaluate_table.h"
 #include "flags.h"
+#include "naming.h"
 #include "outputs.h"
 #include "placement_options.h"
 #include "session.h"
@@ -195,7 +196,8 @@ void evaluate(EvaluateOptions& o) {
   session.start("evaluating");
   const vsplat::Evaluation evaluation = [&] {
     try {
-      return vsplat::Evaluation(session.device(), model, data, options);
+      return naming(o.folders, {o.model, o.lpips},
+                    [&] { return vsplat::Evaluation(session.device(), model, data, options); });
     } catch (const vsplat::Error& e) {
       listener.kept.end(e, data.count());
     }

@@ -46,6 +46,7 @@ vsplat::Scene start_scene(const std::string& path) {
   if (out.info().surfels)
     throw UsageError(path + " holds surfels, and Gaussians of three scales can be fitted: vsplat convert " +
                      "--surfels-to-gaussians makes some");
+  if (out.info().count == 0) throw std::runtime_error(path + " has no Gaussian: there is nothing to fit");
   return out;
 }
 
@@ -95,6 +96,7 @@ void dry_run(const FitSettings& o, const FitJob& job) {
 void fit(const FitSettings& o) {
   check(o);
   FitJob job(o.fit);
+  job.from = o.views;
   job.options.start = start_of(o.start);
   vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
   set_placement(o.placement, input);

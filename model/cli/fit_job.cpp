@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "naming.h"
 #include "runtime/system/system.h"
 
 namespace command {
@@ -162,7 +163,7 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
                           const std::function<void(const vsplat::Scene&)>& on_start) {
   session.start("fitting");
   show_progress(common, "fitting: reading pictures");
-  const vsplat::Fit fit(session.device(), views, options);
+  const vsplat::Fit fit = naming({from}, {checkpoint_}, [&] { return vsplat::Fit(session.device(), views, options); });
   if (on_start) on_start(fit.start());
   Teller teller(common);
   std::string log = "step,phase,loss,gaussians,psnr,seconds\n";
@@ -176,11 +177,11 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     }
     more = fit.step(progress);
     teller.tell(progress);
+    folds_ = folds_ || std::string(progress.phase).starts_with("leaving out");
     if (!log_.empty()) add_log_line(log, progress, elapsed_seconds() - begun);
   }
   clear_progress();
   result_ = fit.result();
-  used_ = fit.views(VSPLAT_FIT_USED).size();
   judged_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
   suspects_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
   start_ = fit.start();
@@ -221,9 +222,8 @@ void FitJob::summarise(const Common& common) const {
          " agrees with the result far less than the other pictures do: a wrong pose, another lighting, a moved "
          "object?");
   const vsplat_fit_result& r = result_;
-  const bool folds = r.num_held_out > 0 && judged_.size() == used_;
   const std::string on =
-      pictures_text(judged_.size()) + (folds ? ", each left out in turn: " : " that it was not fitted to: ");
+      pictures_text(judged_.size()) + (folds_ ? ", each left out in turn: " : " that it was not fitted to: ");
   if (stopped_)
     tell_stop(common, "stopped; the best so far is written: " +
                           (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));

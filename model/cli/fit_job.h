@@ -32,6 +32,7 @@ class FitJob {
 
   // The caller sets start, scene, model, input and names.
   vsplat_fit_options options = VSPLAT_FIT_OPTIONS_INIT;
+  std::string from;  // the path of the views, for errors about them
 
   // `output`: the scene's file; poses are written beside it.
   void expect(Outputs& outputs, const std::string& output);
@@ -56,8 +57,7 @@ class FitJob {
   std::string log_, sheet_, poses_, checkpoint_;
   vsplat::Scene start_;
   vsplat_fit_result result_ = VSPLAT_FIT_RESULT_INIT;
-  bool stopped_ = false;
-  std::size_t used_ = 0;
+  bool stopped_ = false, folds_ = false;  // `folds_`: views were left out in turn
   std::vector<std::string> judged_, suspects_;
 };
 

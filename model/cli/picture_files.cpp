@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "naming.h"
+
 namespace command {
 namespace {
 
@@ -17,16 +19,18 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
       ->check(one_of({"png", "jpg", "exr"}))
       ->type_name("png|jpg|exr")
       ->group(group);
-  app.add_option("--quality", o.quality, "Of JPEG and --turntable (default 90; 100: --turntable without loss)")
+  app.add_option("--quality", o.quality, "Of JPEG and --turntable (default 90; 100: a .webp without loss)")
       ->type_name("1-100")
       ->group(group);
   app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
       ->group(group);
   app.add_option("--sheet", o.sheet, "All pictures on one: a contact sheet")->type_name("FILE.png")->group(group);
   app.add_option("--turntable", o.turntable, "All pictures one after the other: an animation that loops")
-      ->type_name("FILE.webp")
+      ->type_name("FILE.webp|FILE.gif")
       ->group(group);
-  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100 (default 24)")->type_name("F")->group(group);
+  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100, of a GIF to 50 (default 24)")
+      ->type_name("F")
+      ->group(group);
   app.add_option("--write-cameras", o.write_cameras, "The cameras drawn from, as a cameras.json")
       ->type_name("FILE.json")
       ->group(group);
@@ -125,32 +129,47 @@ PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles), sk
   refuse_what_is_of_no_use(o, choice);
 }
 
-void PictureJob::read_outputs(const PictureOptions& o) {
-  images = o.images, sheet = o.sheet, turntable = o.turntable, compare = o.compare, differences = o.differences;
-  write_cameras = o.write_cameras;
-  drawn = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
-  written = drawn || !write_cameras.empty();
-  need_ending("--sheet", sheet, ".png");
-  need_ending("--turntable", turntable, ".webp",
-              "it is written as an animated WebP, which browsers play; a GIF or an MP4 can be made of the pictures, "
-              "--images frames/: ffmpeg -framerate " +
-                  (o.fps.empty() ? std::string("24") : o.fps) + " -i frames/%04d.png -pix_fmt yuv420p turn.mp4");
-  need_ending("--write-cameras", write_cameras, ".json");
-  if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
-  if (!o.format.empty() && written && images.empty())
-    throw UsageError("--format is that of --images: give the folder for them");
-  if (!differences.empty() && compare.empty()) throw UsageError("--differences needs --compare");
+void PictureJob::read_turntable(const PictureOptions& o) {
   if (!o.fps.empty()) {
     animation_options.fps = number("--fps", o.fps);
     if (animation_options.fps < 0.1 || animation_options.fps > 100)
       throw UsageError("--fps is \"" + o.fps + "\": 0.1 to 100 pictures per second expected");
     if (turntable.empty()) throw UsageError("--fps needs --turntable");
   }
+  if (turntable.empty()) return;
+  std::string ending = std::filesystem::path(turntable).extension();
+  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (ending != ".webp" && ending != ".gif")
+    throw UsageError("--turntable is \"" + turntable +
+                     "\": a name that ends in .webp or .gif expected; an MP4 can be made of the pictures, --images "
+                     "frames/: ffmpeg -framerate " +
+                     (o.fps.empty() ? std::string("24") : o.fps) + " -i frames/%04d.png -pix_fmt yuv420p turn.mp4");
+  animation_options.format = ending == ".gif" ? VSPLAT_ANIMATION_GIF : VSPLAT_ANIMATION_WEBP;
+  try {
+    const vsplat::Animation possible(animation_options);
+  } catch (const vsplat::Error& e) {
+    throw UsageError("--turntable " + turntable + ": " + e.what());
+  }
+}
+
+void PictureJob::read_outputs(const PictureOptions& o) {
+  images = o.images, sheet = o.sheet, turntable = o.turntable, compare = o.compare, differences = o.differences;
+  write_cameras = o.write_cameras;
+  drawn = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
+  written = drawn || !write_cameras.empty();
+  need_ending("--sheet", sheet, ".png");
+  read_turntable(o);
+  need_ending("--write-cameras", write_cameras, ".json");
+  if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
+  if (!o.format.empty() && written && images.empty())
+    throw UsageError("--format is that of --images: give the folder for them");
+  if (!differences.empty() && compare.empty()) throw UsageError("--differences needs --compare");
   if (!o.quality.empty()) {
     const double value = number("--quality", o.quality);
     if (value < 1 || value > 100 || value != static_cast<int>(value))
       throw UsageError("--quality is \"" + o.quality + "\": a whole number from 1 to 100 expected");
-    if (turntable.empty() && o.format != "jpg") throw UsageError("--quality needs --format jpg or --turntable");
+    if ((turntable.empty() || animation_options.format == VSPLAT_ANIMATION_GIF) && o.format != "jpg")
+      throw UsageError("--quality needs --format jpg or --turntable FILE.webp");
     animation_options.quality = quality = static_cast<int>(value);
   }
   if (transparent && written && images.empty())
@@ -171,7 +190,7 @@ Shots PictureJob::load_cameras() const {
   read.width = unknown.width, read.height = unknown.height;
   read.skip_bad = skip_bad;
   out.listed = vsplat::Cameras::load(choice.file, read);
-  if (choice.path) out.listed = out.listed.path(choice.path);
+  if (choice.path) out.listed = naming({choice.file}, {}, [&] { return out.listed.path(choice.path); });
   out.all = out.listed.all();
   if (!size) return out;
   for (vsplat_camera& c : out.all) {

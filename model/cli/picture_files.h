@@ -63,6 +63,7 @@ struct PictureJob {
   void add_results(const std::optional<Comparison>& comparison, nlohmann::ordered_json& out) const;
 
  private:
+  void read_turntable(const PictureOptions& options);
   void read_outputs(const PictureOptions& options);
   // Whether pictures are drawn over black, to be saved with alpha.
   bool over_black() const;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit_job.h"
+#include "naming.h"
 #include "picture_files.h"
 #include "placement_options.h"
 #include "reconstruct_list.h"
@@ -145,6 +146,7 @@ vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Ses
   std::copy(std::begin(placed.center), std::end(placed.center), same.center);
   same.scale = placed.scale;
   vsplat_fit_options& options = request.fit->options;
+  request.fit->from = o.views;
   options.start = VSPLAT_FIT_NETWORK;
   options.model = model.get();
   options.input = &same;
@@ -215,9 +217,10 @@ void reconstruct(ReconstructOptions& o) {
     shots = job.load_cameras();
     job.expect(outputs, shots.all.size());
   }
-  const vsplat::Input input(model, views, request.input);
+  const std::vector<std::string> others = {o.model, o.selection};
+  const auto input = naming({o.views}, others, [&] { return vsplat::Input(model, views, request.input); });
   if (job.choice.orbit) {
-    shots.listed = input.orbit(job.orbit_options);
+    shots.listed = naming({o.views}, others, [&] { return input.orbit(job.orbit_options); });
     shots.all = shots.listed.all();
   }
   std::optional<Comparison> comparison;
@@ -231,7 +234,8 @@ void reconstruct(ReconstructOptions& o) {
   if (request.run.dump) outputs.begin(dump_file(o));
   session.start("reconstructing");
   vsplat::Scene scene;
-  if (!request.fit || request.run.dump) scene = vsplat::reconstruct(session.device(), model, input, request.run);
+  if (!request.fit || request.run.dump)
+    scene = naming({o.views}, others, [&] { return vsplat::reconstruct(session.device(), model, input, request.run); });
   if (request.fit) scene = fit_to_pictures(o, request, session, model, views, input, file, outputs);
   if (job.wanted && request.fit)
     draw_fitted(o, session, job, scene, shots.all, comparison, outputs);

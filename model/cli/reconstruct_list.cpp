@@ -199,7 +199,8 @@ void reconstruct_list(const ListRequest& request) {
     print_json(out);
   }
   if (all.failed)
-    throw std::runtime_error(std::to_string(all.failed) + " of " + std::to_string(all.objects.size()) +
+    throw std::runtime_error(request.list + ": " + std::to_string(all.failed) + " of " +
+                             std::to_string(all.objects.size()) +
                              " objects could not be reconstructed: see the warnings");
 }
 

@@ -1,6 +1,7 @@
 // vsplat render: pictures of a scene from a PLY file.
 #include <nlohmann/json.hpp>
 
+#include "naming.h"
 #include "picture_files.h"
 
 namespace command {
@@ -86,7 +87,7 @@ void render(const RenderOptions& o) {
     const vsplat_scene_info info = scene.info();
     if (!job.orbit_options.has_up && info.up[0] == 0 && info.up[1] == 0 && info.up[2] == 0)
       say(o.common, o.scene + " does not tell which way is up: -y is taken (--up 0,0,1 for scenes that stand on xy)");
-    shots.listed = scene.orbit(job.orbit_options);
+    shots.listed = naming({o.scene}, {}, [&] { return scene.orbit(job.orbit_options); });
     shots.all = shots.listed.all();
   }
   std::optional<Comparison> comparison;

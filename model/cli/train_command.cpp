@@ -9,6 +9,7 @@
 
 #include "arguments.h"
 #include "flags.h"
+#include "naming.h"
 #include "session.h"
 
 namespace command {
@@ -39,6 +40,8 @@ std::string read_config(const std::string& path) {
   std::ostringstream text;
   text << file.rdbuf();
   if (!file) throw std::runtime_error(path + ": cannot be read");
+  if (text.str().find_first_not_of(" \t\r\n") == std::string::npos)
+    throw std::runtime_error(path + ": is empty; a JSON object is expected, {} where every field is to be its default");
   return text.str();
 }
 
@@ -239,7 +242,8 @@ void train(TrainOptions& o) {
   options.assume_intersections = intersections(o);
   session.share(options);
   options.ranks = ranks.several();
-  const vsplat_train_result result = vsplat::train(session.device(), config, options);
+  const vsplat_train_result result = naming(o.data, {o.output, o.init, o.textures, o.selection},
+                                            [&] { return vsplat::train(session.device(), config, options); });
   if (!ranks.leads()) return;
   if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
   say(o.common, "at most " + bytes_text(result.peak) + " of device memory");

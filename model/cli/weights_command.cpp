@@ -119,7 +119,12 @@ void convert(const WeightsOptions& o) {
   outputs.expect(o.output);
   vsplat::Model model = load_model(o.model);
   if (o.view_count) model = model.with_use_views(o.view_count);
-  model.save(outputs.begin(o.output), o.dtype == "f16" ? VSPLAT_DTYPE_F16 : VSPLAT_DTYPE_F32);
+  try {
+    model.save(outputs.begin(o.output), o.dtype == "f16" ? VSPLAT_DTYPE_F16 : VSPLAT_DTYPE_F32);
+  } catch (const vsplat::Error& e) {  // a value that does not fit: the message names only the output
+    if (e.status() != VSPLAT_ERROR_INPUT) throw;
+    throw vsplat::Error(e.status(), (o.name() + " as " + e.what()).c_str());
+  }
   outputs.commit();
   const auto bytes = std::filesystem::file_size(o.output);
   say(o.common, o.output + ": " + o.name() + " as " + o.dtype + ", " + bytes_text(bytes));

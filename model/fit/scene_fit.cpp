@@ -27,6 +27,7 @@ constexpr std::size_t kLookedAt = 8;                       // pictures sampled t
 constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // Adam learning rates, decaying to a tenth over a phase
 constexpr long kUnjudgedSteps = 100;                       // limit for few views of which none is held out
 constexpr int kFalls = 2;                                  // a fold ends when its PSNR has fallen so often in a row
+constexpr double kLastPhase = 1.25;                        // time reserved for the phase after the folds, in folds
 
 using Clock = std::chrono::steady_clock;
 
@@ -173,11 +174,14 @@ void SceneFit::Impl::begin_leg() {
     leg_steps = std::min(leg_steps, kUnjudgedSteps);
   if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // later steps are not compared
   if (legs.size() > 1 && !in_folds()) {  // as many steps as were best in the folds
-    std::erase_if(curve, [most = measured_by_all(leg)](const auto& at) { return at.first > most; });
+    const auto rounds = curve.empty() ? 0 : static_cast<std::size_t>(curve.begin()->second.pictures);
+    judged.resize(rounds);
+    std::erase_if(curve, [most = measured_by_all(rounds)](const auto& at) { return at.first > most; });
     leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
   last_psnr = std::nan("");
   falls = 0;
+  leg_began = seconds;
   fitter.reset();  // frees its memory before the next is allocated
   poses.clear();
   exposures.clear();
@@ -256,19 +260,24 @@ long SceneFit::Impl::measured_by_all(std::size_t rounds) const {
 }
 
 void SceneFit::Impl::judge() {
-  const auto begun = Clock::now();
   const Leg& now = legs[leg];
   const long at = fitter->steps_done();
+  const long compilations = ctx.profiler().compilations();
   Judged here;
+  double took = 0;
   for (const int view : now.judges) {
-    const FitScore score = fitter->judge(on_device(view));
+    const DeviceFitPicture& picture = on_device(view);
+    const auto begun = Clock::now();
+    const FitScore score = fitter->judge(picture);
+    took += seconds_since(begun);
     here.psnr += score.psnr;
     here.ssim += score.ssim;
     ++here.pictures;
   }
   if (here.pictures == 0) return;
   const Uncancelled whole(ctx);
-  look_seconds = seconds_since(begun) / here.pictures;
+  // Compilation, like the reading of pictures, is not repeated.
+  if (ctx.profiler().compilations() == compilations) look_seconds = took / here.pictures;
   falls = mean(here).psnr < last_psnr ? falls + 1 : 0;
   last_psnr = mean(here).psnr;
   Judged& sum = curve[at];
@@ -320,20 +329,25 @@ double SceneFit::Impl::seconds_of_next() const {
   return step_seconds + looks * look;
 }
 
+bool SceneFit::Impl::has_time_for(double rounds) const {
+  return request.seconds <= 0 || request.seconds - seconds > rounds * (seconds - leg_began);
+}
+
 void SceneFit::Impl::follow(AfterStep& after) {
   if (after.judges && !after.judged) judge();
   after.judged = true;
-  if (in_folds() && falls >= kFalls) after.ends = true;
+  if (in_folds() && (falls >= kFalls || (after.judges && !has_time_for(kLastPhase)))) after.ends = true;
   if (after.ends) end_leg();
 }
 
 void SceneFit::Impl::end_leg() {
   if (!in_folds()) return finish();
-  ++leg;
+  const std::size_t before = leg;
+  leg = has_time_for(1 + kLastPhase) ? leg + 1 : legs.size() - 1;
   try {
     begin_leg();
   } catch (...) {
-    --leg;  // the phase starts again
+    leg = before;  // the phase starts again
     throw;
   }
 }

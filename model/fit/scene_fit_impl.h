@@ -51,6 +51,7 @@ struct SceneFit::Impl {
   // Estimate for the next step, the work after it, and the measurement of all pictures at the end.
   double seconds_of_next() const;
   long measured_by_all(std::size_t rounds) const;
+  bool has_time_for(double rounds) const;  // in the current fold's duration so far; true without a time limit
   double object_pixels(const std::vector<int>& views);
   Scene to_scene(const Gaussians& gaussians) const;
   std::string text_of_request() const;
@@ -85,7 +86,7 @@ struct SceneFit::Impl {
   std::size_t resident_bytes = 0, spare_bytes = 0;  // device memory
 
   bool done = false, unknown = false, resuming = false;
-  double seconds = 0, last_psnr = std::nan("");
+  double seconds = 0, leg_began = 0, last_psnr = std::nan("");
   int falls = 0;  // how often in a row the fold's PSNR has fallen
   // Latest durations: the shorter of the last two steps, since one may include a compilation, and one picture's
   // measurement.

@@ -86,6 +86,7 @@ void SceneFit::Impl::save() const {
   out.state["best_steps"] = std::to_string(best_steps);
   out.state["steps_in_all"] = std::to_string(steps_in_all);
   out.state["seconds"] = exact_text(seconds);
+  out.state["leg_began"] = exact_text(leg_began);
   out.state["last_psnr"] = exact_text(last_psnr);
   out.state["falls"] = std::to_string(falls);
   for (const auto& [at, sum] : curve) {
@@ -121,6 +122,7 @@ void SceneFit::Impl::read_progress(const FitCheckpoint& from) {
   best_steps = whole_number(from, "best_steps");
   steps_in_all = whole_number(from, "steps_in_all");
   seconds = number(from, "seconds");
+  leg_began = from.state.count("leg_began") > 0 ? number(from, "leg_began") : seconds;
   last_psnr = number(from, "last_psnr");
   falls = from.state.count("falls") > 0 ? static_cast<int>(whole_number(from, "falls")) : 0;
   if (from.state.count("best_degree") > 0) best = best_in(from);

@@ -79,7 +79,7 @@ void OutputFile::commit() {
   if (const std::error_code problem = sys::sync(file_)) failed("be written", problem);
   const bool created = rename_to_new(temporary_, path_);
   if (!created && !may_replace(path_))
-    fail(Status::file, "{}: exists, made by another process meanwhile; it is kept", path_);
+    fail(Status::file, "{}: exists, and is kept: it may not be replaced, or was made while this ran", path_);
   std::error_code problem;
   if (!created) std::filesystem::rename(temporary_, path_, problem);
   if (problem) failed("be put in place", problem);

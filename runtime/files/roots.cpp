@@ -18,8 +18,10 @@ void Roots::add(const fs::path& folder) {
   if (folder.empty()) return;
   const std::string real = fs::canonical(folder, problem).string();
   if (problem) return;
+  const std::string root = real.ends_with('/') ? real : real + "/";
+  if (std::find(real_.begin(), real_.end(), root) != real_.end()) return;
   named_.push_back(folder.string());
-  real_.push_back(real.ends_with('/') ? real : real + "/");
+  real_.push_back(root);
 }
 
 const fs::path& Roots::real_folder(const fs::path& folder) {
@@ -42,10 +44,12 @@ bool Roots::hold(const fs::path& file) {
 
 void Roots::need(const fs::path& file, const std::string& who) {
   if (hold(file)) return;
+  std::error_code problem;
+  const std::string real = fs::weakly_canonical(file, problem).string();
   fail(Status::file,
-       "{} {} lies outside {} (after following links); put it inside, or permit files outside "
+       "{} {} lies outside {} (after following links, it is {}); put it inside, or permit files outside "
        "(vsplat_file_rules.allow_outside) if its origin is trusted",
-       who, printable(file.string()), fmt::join(named_, ", "));
+       who, printable(file.string()), fmt::join(named_, ", "), printable(real));
 }
 
 }  // namespace vsplat

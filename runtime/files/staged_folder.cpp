@@ -56,7 +56,7 @@ void StagedFolder::refuse_kept(const std::function<bool(const std::string& insid
   walk(place_, [&](const fs::directory_entry& entry, const std::string& inside) {
     const std::string path = (fs::path(named_) / inside).string();
     if (!is_folder(entry) && ours(inside) && !may_replace(path))
-      fail(Status::file, "{}: exists, made by another process meanwhile; it is kept", path);
+      fail(Status::file, "{}: exists, and is kept: it may not be replaced, or was made while this ran", path);
   });
 }
 

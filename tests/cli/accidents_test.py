@@ -181,7 +181,7 @@ class Sets(support.Case):
             f.write("another's")
         _, err = process.communicate(timeout=100)
         self.assertEqual(process.returncode, 1, err)
-        self.assertIn("transforms.json: exists, made by another process meanwhile", err)
+        self.assertIn("transforms.json: exists, and is kept", err)
         self.assertEqual(self.files("set"), {"/solid_0000": None, "/solid_0000/transforms.json": b"another's"})
 
     def test_an_ignored_hangup_stays_ignored(self):

@@ -58,7 +58,7 @@ class Import(Checkpoints):
 
     def test_the_same_to_the_bit(self):
         scenes = set()
-        for name in ("lightning.ckpt", "bare.pth", "wrapped.pth", "strided.ckpt", "more.ckpt"):
+        for name in ("lightning.ckpt", "bare.pth", "wrapped.pth", "parallel.ckpt", "compiled.ckpt", "strided.ckpt", "more.ckpt"):
             with self.subTest(name=name):
                 told, _ = self.imports(name)
                 self.assertEqual(told["named"], "micro")

@@ -30,6 +30,27 @@ def webp_frames(path):
     return canvas, loops, durations
 
 
+def gif_frames(path):
+    """Returns the canvas, loops (0: for ever), and every frame's duration in hundredths of a second."""
+    data = pathlib.Path(path).read_bytes()
+    assert data[:6] == b"GIF89a" and data[-1:] == b";", path
+    palette = lambda packed: 3 << (packed & 7) + 1 if packed & 128 else 0
+    at, loops, durations, frames = 13 + palette(data[10]), None, [], 0
+    while data[at] != 0x3b:
+        kind, body = data[at], at + 2
+        if kind == 0x2c:  # a picture: its head, its colours, the size of codes
+            frames, body = frames + 1, at + 11 + palette(data[at + 9])
+        elif data[at + 1] == 0xf9:
+            durations.append(int.from_bytes(data[at + 4:at + 6], "little"))
+        elif data[at + 3:at + 14] == b"NETSCAPE2.0":
+            loops = int.from_bytes(data[at + 16:at + 18], "little")
+        while data[body]:
+            body += 1 + data[body]
+        at = body + 1
+    assert frames == len(durations), path
+    return struct.unpack("<HH", data[6:10]), loops, durations
+
+
 class Pictures(support.Case):
     def setUp(self):
         super().setUp()
@@ -133,6 +154,16 @@ class Pictures(support.Case):
         self.assertEqual(webp_frames(self.path("b.webp")), ((32, 24), 0, [333, 334, 333, 333, 334]))
         self.succeeds(*self.render("--turntable", self.path("a again.webp"), cameras="orbit:5"))
         self.assertEqual(*(pathlib.Path(self.path(name)).read_bytes() for name in ("a.webp", "a again.webp")))
+
+    def test_turntable_gif(self):
+        """What the frames hold is read in the tests of the library."""
+        arguments = self.render("--turntable", self.path("a.gif"), "--fps", "30", cameras="orbit:5")
+        code, _, err = support.run(*arguments)
+        if code == 2:  # a build without giflib
+            self.assertIn("libgif-dev", err)
+            return
+        self.assertEqual(code, 0, err)
+        self.assertEqual(gif_frames(self.path("a.gif")), ((32, 24), 0, [3, 4, 3, 3, 4]))
 
     def cameras(self, *sizes, **changes):
         """Writes our cameras.json with one camera for each size, named like the pictures of a folder. Returns its path."""

@@ -41,10 +41,13 @@ class Usage(support.Case):
         for given in ("--zzz", "--gpu"):
             self.assertNotIn("did you mean", self.refuses(2, f"unknown argument {given}", "reconstruct", self.views, given))
 
-    def test_turntables_are_webp(self):
-        for name in ("turn.gif", "turn.mp4"):
-            self.refuses(2, [name, ".webp", "ffmpeg -framerate 12 -i frames/%04d.png"],
+    def test_turntables_are_webp_or_gif(self):
+        for name in ("turn.avi", "turn.mp4"):
+            self.refuses(2, [name, ".webp or .gif", "ffmpeg -framerate 12 -i frames/%04d.png"],
                          *self.reconstruct("--render", "orbit:2", "--turntable", self.path(name), "--fps", "12"))
+        gif = ("--render", "orbit:2", "--turntable", self.path("turn.gif"))
+        self.refuses(2, "turn.gif", *self.reconstruct(*gif, "--fps", "60"))
+        self.refuses(2, "--quality", *self.reconstruct(*gif, "--quality", "80"))
 
     def test_help(self):
         for command in ([], ["devices"], ["init"], ["weights"], ["weights", "info"], ["weights", "convert"], ["reconstruct"], ["render"], ["bench"]):
@@ -73,7 +76,7 @@ class Usage(support.Case):
 
     def test_values_of_pictures(self):
         for option, *values in (("--quality", "0", "101", "1.5", "x"), ("--fps", "0", "0.01", "101", "-3", "x"), ("--sheet", "x.jpg", "x"),
-                                ("--turntable", "x.gif", "x.WEBP2")):
+                                ("--turntable", "x.gif2", "x.WEBP2")):
             for value in values:
                 with self.subTest(option=option, value=value):
                     more = [] if option == "--turntable" else ["--turntable", self.path("x.webp")]

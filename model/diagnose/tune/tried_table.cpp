@@ -54,7 +54,11 @@ TriedTable::TriedTable(const TuningSubject& of, const std::string& path)
 // Keeps the replaced table by its hash.
 void TriedTable::take_up() {
   std::error_code error;
-  if (!fs::exists(path_, error)) return;
+  if (!fs::exists(path_, error)) {
+    if (fs::is_symlink(fs::symlink_status(path_, error)))
+      fail(Status::file, "{} is a link to {}, which is not there", path_, fs::read_symlink(path_, error).string());
+    return;
+  }
   TuningTable before;
   try {
     before = read_tuning(path_);

@@ -111,6 +111,20 @@ void gather(Dtype dtype, const std::vector<unsigned char>& storage, const pickle
   }
 }
 
+// Takes out what DataParallel and torch.compile put into names, wherever they wrapped a module: net.module.x is net.x.
+// Leaves all names as they are if two would become equal.
+void unwrap_names(std::vector<TensorEntry>& tensors) {
+  std::vector<std::string> names;
+  for (const TensorEntry& entry : tensors) {
+    std::string name = "." + entry.name;
+    for (const std::string wrapper : {".module.", "._orig_mod."})
+      for (std::size_t at = 0; (at = name.find(wrapper, at)) != std::string::npos;) name.erase(at, wrapper.size() - 1);
+    names.push_back(name.substr(1));
+  }
+  if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) return;
+  for (std::size_t i = 0; i < names.size(); ++i) tensors[i].name = names[i];
+}
+
 }  // namespace
 
 // Location of a tensor's values.
@@ -222,12 +236,13 @@ TorchFile::TorchFile(const std::string& path) : path_(path) {
     }
     const pickle::Tensor& tensor = all.tensors[static_cast<std::size_t>(value.number)];
     const pickle::Storage& storage = all.storages[tensor.storage];
-    index_[std::string(key.text)] = tensors_.size();
     tensors_.push_back(
         {std::string(key.text), storage.dtype, tensor.shape, 0, tensor.count() * size_of(storage.dtype)});
     layouts_.push_back({archive_->storage(storage), tensor});
   }
   if (tensors_.empty()) fail(Status::format, "{}: no tensors in it: a state dict is expected", path);
+  unwrap_names(tensors_);
+  for (std::size_t i = 0; i < tensors_.size(); ++i) index_[tensors_[i].name] = i;
 }
 
 TorchFile::~TorchFile() = default;

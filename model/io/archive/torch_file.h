@@ -23,7 +23,8 @@ class TorchFile {
   TorchFile(TorchFile&&) noexcept;
 
   const std::string& path() const { return path_; }
-  // The tensors of the state dict, in its order. An entry's offset is meaningless; its size is that of its elements.
+  // The tensors of the state dict, in its order. Their names are without what DataParallel and torch.compile add. An
+  // entry's offset is meaningless; its size is that of its elements.
   const std::vector<TensorEntry>& tensors() const { return tensors_; }
   const TensorEntry* find(const std::string& name) const;  // null if there is no such tensor
   const TensorEntry& at(const std::string& name) const;    // Error(format) with the name if there is no such tensor

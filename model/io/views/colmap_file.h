@@ -83,7 +83,7 @@ class ColmapLines {
   }
   bool any_line() {
     if (!std::getline(in_, line_)) return false;
-    ++number_;
+    if (++number_ == 1 && line_.starts_with("\xef\xbb\xbf")) line_.erase(0, 3);  // a byte order mark
     while (!line_.empty() && (line_.back() == '\r' || line_.back() == ' ' || line_.back() == '\t')) line_.pop_back();
     rest_ = line_;
     return true;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <numeric>
 #include <utility>
 
@@ -29,9 +30,9 @@ bool is_regular(const fs::path& path) {
 
 // Endings of picture formats that are not read. Whoever converted such pictures may not have updated the list.
 bool has_foreign_ending(const fs::path& file) {
-  static constexpr std::array known = {".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif",  ".tga", ".dds", ".psd",
-                                       ".hdr",  ".pgm",  ".ppm",  ".dng", ".cr2", ".cr3",  ".nef", ".arw", ".orf",
-                                       ".raf",  ".rw2",  ".raw",  ".ktx", ".jpe", ".jfif", ".ktx2"};
+  static constexpr std::array known = {".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif", ".tga", ".dds",
+                                       ".psd",  ".hdr",  ".pgm",  ".ppm", ".dng", ".cr2", ".cr3", ".nef",
+                                       ".arw",  ".orf",  ".raf",  ".rw2", ".raw", ".ktx", ".ktx2"};
   const std::string ending = lower_case(file.extension().string());
   return std::find(known.begin(), known.end(), ending) != known.end();
 }
@@ -64,6 +65,29 @@ std::vector<fs::path> tails_of(const fs::path& name) {
 std::string slashed(std::string name) {
   std::replace(name.begin(), name.end(), '\\', '/');
   return name;
+}
+
+// Without blanks and line ends around it.
+std::string trimmed(const std::string& name) {
+  constexpr const char* blanks = " \t\r\n";
+  const std::size_t first = name.find_first_not_of(blanks);
+  return first == std::string::npos ? "" : name.substr(first, name.find_last_not_of(blanks) + 1 - first);
+}
+
+// With the characters that stand as %20 and the like in a URI.
+std::string percent_decoded(const std::string& name) {
+  std::string out;
+  for (std::size_t i = 0; i < name.size(); ++i) {
+    unsigned char byte = 0;
+    const char* const digits = name.data() + i + 1;
+    if (name[i] != '%' || i + 2 >= name.size() || std::from_chars(digits, digits + 2, byte, 16).ptr != digits + 2) {
+      out += name[i];
+      continue;
+    }
+    out += static_cast<char>(byte);
+    i += 2;
+  }
+  return out;
 }
 
 std::size_t letters_apart(const std::string& a, const std::string& b) {
@@ -123,7 +147,8 @@ std::vector<std::string> near_names(const fs::path& folder, const std::string& f
 
 bool has_picture_ending(const fs::path& file) {
   const std::string ending = lower_case(file.extension().string());
-  static constexpr std::array known = {".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp"};
+  static constexpr std::array known = {".png", ".jpg", ".jpeg", ".jpe",  ".jfif",
+                                       ".exr", ".tif", ".tiff", ".webp", ".bmp"};
   return std::find(known.begin(), known.end(), ending) != known.end();
 }
 
@@ -202,6 +227,13 @@ FoundFile ListedFiles::find_slashed(const std::string& name) {
 }
 
 FoundFile ListedFiles::find(const std::string& name) {
+  FoundFile out = find_as(name);
+  for (const std::string& other : {trimmed(name), percent_decoded(trimmed(name))})
+    if (out.path.empty() && other != name) out = {find_as(other).path, false};
+  return out;
+}
+
+FoundFile ListedFiles::find_as(const std::string& name) {
   if (name.empty() || name.size() > longest_name || name.find('\0') != std::string::npos) return {};
   if (name.find('\\') == std::string::npos) return find_slashed(name);
   for (const fs::path& folder : folders_)

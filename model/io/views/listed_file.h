@@ -15,7 +15,7 @@ bool has_picture_ending(const std::filesystem::path& file);
 
 struct FoundFile {
   std::filesystem::path path;  // empty if there is none
-  bool exactly = true;         // false: found by a shorter path, another ending or another case than listed
+  bool exactly = true;         // false: found by a shorter path, another ending, another case, or decoded
 };
 
 // Lists each folder that it searches only once.
@@ -42,6 +42,7 @@ class ListedFiles {
     std::multimap<std::string, std::string> by_lower_stem;  // pictures
   };
 
+  FoundFile find_as(const std::string& name);
   FoundFile find_slashed(const std::string& name);
   const Folder& list(const std::filesystem::path& folder);
   // The folder below `folder` that `path` names, ignoring case; "" if there is none or more than one.

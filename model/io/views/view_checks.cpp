@@ -90,6 +90,9 @@ json read_json(const std::filesystem::path& path) {
     const std::vector<unsigned char> bytes = read_file(path.string());
     text.assign(bytes.begin(), bytes.end());
   }
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff"))
+    fail(Status::format, "{0}: is in UTF-16, UTF-8 is expected: iconv -f UTF-16 -t UTF-8 {0} > utf8.json",
+         path.string());
   if (text.starts_with("\xef\xbb\xbf")) text.erase(0, 3);  // a byte order mark
   return parse_json(path.string(), quote_words_of_python(path.string(), text));
 }

@@ -226,10 +226,11 @@ std::vector<fs::path> find_pictures(ViewSet& set, const fs::path& given, const R
 void find_masks(ViewSet& set, const std::vector<fs::path>& mask_places, const ReadOptions& options, Roots& roots) {
   if (set.lists_masks) return find_listed_masks(set, options, roots);
   for (const fs::path& place : mask_places)
-    if (const fs::path masks = in_any_case(place, "masks"); is_a_folder(masks)) {
-      take_masks_of(set, masks, options.use_pictures, roots);
-      return;
-    }
+    for (const char* name : {"masks", "mask"})
+      if (const fs::path masks = in_any_case(place, name); is_a_folder(masks)) {
+        take_masks_of(set, masks, options.use_pictures, roots);
+        return;
+      }
 }
 
 }  // namespace

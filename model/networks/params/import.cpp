@@ -44,8 +44,7 @@ void refuse_others(const TorchFile& file) {
 // The prefix of the network's tensor names.
 template <class S>
 std::string network_prefix(const TorchFile& file) {
-  for (const char* prefix :
-       {"", "net.", "model.", "module.", "module.net.", "model.net.", "_orig_mod.", "net._orig_mod."})
+  for (const char* prefix : {"", "net.", "model.", "model.net."})
     if (file.find(std::string(prefix) + S::mark) != nullptr) return prefix;
   fail(Status::format, "{}: no tensor {}, with or without the prefix net.: not {} ({} tensors: {})", file.path(),
        S::mark, S::network, file.tensors().size(), list_of(beside(file, {})));

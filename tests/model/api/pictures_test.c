@@ -164,6 +164,9 @@ static void animations(void) {
   options.fps = 10;
   options.quality = 0;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_create(&options, &animation));
+  options.quality = 90;
+  options.format = 2;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_create(&options, &animation));
   HOLD(!animation);
   EXPECT(VSPLAT_OK, vsplat_animation_create(NULL, &animation));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_save(animation, "film.webp"));
@@ -175,6 +178,16 @@ static void animations(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_add(animation, &picture, width, height));
   EXPECT(VSPLAT_OK, vsplat_animation_save(animation, "again.webp"));
   HOLD(file_size("again.webp") == file_size("film.webp"));
+  vsplat_animation_release(animation);
+  animation = NULL;
+  options.format = VSPLAT_ANIMATION_GIF;
+  if (vsplat_animation_create(&options, &animation) != VSPLAT_OK) { /* a build without giflib */
+    HOLD(strstr(vsplat_last_error(), "GIF") != NULL);
+    return;
+  }
+  EXPECT(VSPLAT_OK, vsplat_animation_add(animation, &picture, width, height));
+  EXPECT(VSPLAT_OK, vsplat_animation_save(animation, "film.gif"));
+  HOLD(file_size("film.gif") > 50);
   vsplat_animation_release(animation);
 }
 
@@ -222,7 +235,7 @@ static void comparisons(void) {
 
 int main(void) {
   char folder[] = "/tmp/vsplat-pictures-XXXXXX";
-  const char* const left[] = {"cameras.json", "sheet.png", "film.webp",  "again.webp",
+  const char* const left[] = {"cameras.json", "sheet.png", "film.webp",  "again.webp", "film.gif",
                               "b.jpg",        "0001.png",  "saved.json", "alpha.png"};
   size_t i;
   for (i = 0; i < floats; ++i) colour[i] = 0.5f + 0.4f * sinf((float)(i / 3) * 0.05f + (float)(i % 3));

@@ -1,9 +1,11 @@
 #include "model/fit/scene_fit.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <thread>
 
 #include "model/fit/suspects.h"
 #include "tests/support/compare.h"
@@ -271,6 +273,38 @@ TEST_F(SceneFitTest, TimeEndsItBefore) {
   const FitResult result = run(request);
   EXPECT_GT(result.seconds, 1);
   EXPECT_LT(result.seconds, 5);
+}
+
+// The cost that a measurement is expected to have does not include reading the picture, which is done once.
+TEST_F(SceneFitTest, TimeCountsNoPictureTwice) {
+  make(16);
+  FitRequest request;
+  request.steps = 1;
+  run(request);  // compiles
+  photographs_.picture = [this](int view) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    return pictures_.at(static_cast<std::size_t>(view));
+  };
+  request.steps = 1000000;
+  request.seconds = 9;  // of which 6.4 for 16 pictures
+  SceneFit fit(ctx(), photographs_, start(), request);
+  while (fit.step()) {
+  }
+  EXPECT_GT(fit.progress().step, 20);  // each picture is read after the first 14 steps
+  EXPECT_LT(fit.result().seconds, 10);
+}
+
+// Views are left out in turn only as long as enough time remains to fit all of them.
+TEST_F(SceneFitTest, TimeLeavesEnoughForTheFit) {
+  make(8);
+  FitRequest request;
+  request.steps = 0;
+  request.seconds = 2;
+  const FitResult result = run(request);
+  EXPECT_FALSE(result.start_returned);
+  EXPECT_GT(result.judged.size(), 0u);
+  EXPECT_GT(result.result.psnr, result.start.psnr);
+  EXPECT_LT(result.seconds, 3);
 }
 
 TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotFitted) {

@@ -63,6 +63,9 @@ def main():
     save("lightning.ckpt", lightning(net))
     save("bare.pth", model)
     save("wrapped.pth", {f"module.{k}": torch.nn.Parameter(v) for k, v in model.items()})
+    save("parallel.ckpt", lightning({f"net.module.{k}": v for k, v in model.items()}))
+    first = lambda k: k.split(".")[0]
+    save("compiled.ckpt", lightning({"net." + k.replace(f"{first(k)}.", f"{first(k)}._orig_mod.", 1): v for k, v in model.items()}))
     save("strided.ckpt", lightning(strided(net)))
     save("other.ckpt", lightning({f"net.{k}": v for k, v in other.items()}))
     for name, dtype in (("half", torch.float16), ("bfloat", torch.bfloat16), ("double", torch.float64)):

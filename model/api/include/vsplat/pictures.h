@@ -45,16 +45,22 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_sheet_save(vsplat_sheet sheet, 
 
 /* ------------------------------------------------------------------------------------------------------ animations */
 
-/* A sequence of pictures, written as animated WebP that plays in a loop. Belongs to no device. */
+/* A sequence of pictures, written as animated WebP or GIF that plays in a loop. Belongs to no device. */
 typedef struct vsplat_animation_impl* vsplat_animation;
+
+typedef enum vsplat_animation_format {
+  VSPLAT_ANIMATION_WEBP = 0,
+  VSPLAT_ANIMATION_GIF = 1 /* 256 colours for each picture, dithered; VSPLAT_ERROR_USAGE if the build left it out */
+} vsplat_animation_format;
 
 typedef struct vsplat_animation_options {
   size_t size;
-  double fps;      /* pictures per second, 0.1 to 100 */
-  int32_t quality; /* 1 to 100; 100: lossless */
+  double fps;      /* pictures per second, 0.1 to 100, with GIF to 50 */
+  int32_t quality; /* of WebP, 1 to 100; 100: lossless */
+  int32_t format;  /* vsplat_animation_format */
 } vsplat_animation_options;
 #define VSPLAT_ANIMATION_OPTIONS_INIT \
-  { sizeof(vsplat_animation_options), 24.0, 90 }
+  { sizeof(vsplat_animation_options), 24.0, 90, VSPLAT_ANIMATION_WEBP }
 
 /* `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_animation_create(const vsplat_animation_options* options,

@@ -131,6 +131,8 @@ bool GltfFile::read() {
   if (version.empty()) unreadable("asset.version is missing; it is not a glTF file");
   if (version[0] == '1') return false;
   if (version[0] != '2') unreadable(fmt::format("it is glTF {}; 2.0 is expected", printable(version)));
+  if (const std::string least = root()["asset"]["minVersion"].text(); !least.empty() && least != "2.0")
+    unreadable(fmt::format("it needs a reader of glTF {}; 2.0 is read", printable(least)));
   return true;
 }
 

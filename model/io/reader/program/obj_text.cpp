@@ -197,11 +197,23 @@ std::string MtlMaterials::take(const std::string& path, std::string text) {
   return out;
 }
 
-void MtlMaterials::look_for_uses(std::string_view obj) {
+// Fortran programs write 1.5D-01 for 0.15; assimp would read 1.5.
+void MtlMaterials::refuse_fortran(const std::string& path, long number, std::string_view line) {
+  const std::size_t at = line.substr(0, line.find('#')).find_first_of("dD", 2);
+  if (at == line.npos || refused_) return;
+  const std::size_t first = line.find_last_of(blanks, at) + 1;
+  refused_ = Wrong(Status::format, fmt::format("{}, line {}", printable(path), number),
+                   fmt::format("\"{}\", a number is expected: its exponent is written with e",
+                               printable(line.substr(first, line.find_first_of(blanks, at) - first))));
+}
+
+void MtlMaterials::look_for_uses(const std::string& path, std::string_view obj) {
   constexpr std::size_t most = 10000;
-  while (!obj.empty() && used_.size() < most) {
+  for (long number = 1; !obj.empty() && used_.size() < most; ++number) {
     std::string_view line = obj.substr(0, obj.find('\n'));
     obj.remove_prefix(std::min(line.size() + 1, obj.size()));
+    if (line.starts_with("v ") || line.starts_with("vt ") || line.starts_with("vn "))
+      refuse_fortran(path, number, line);
     if (!line.starts_with("usemtl")) continue;
     take_word(line);
     if (!line.empty()) used_.emplace(line);

@@ -32,8 +32,8 @@ class MtlMaterials {
   // quotes. Records the options; an option that changes a texture's colours sets refused().
   std::string take(const std::string& path, std::string text);
 
-  // Searches the clean text of the OBJ file for the materials that it uses.
-  void look_for_uses(std::string_view obj);
+  // Searches the clean text of the OBJ file for the materials that it uses, and for numbers that assimp misreads.
+  void look_for_uses(const std::string& path, std::string_view obj);
   // Call it when all files are read: notes the materials that are used but defined in no file.
   void note_unknown();
 
@@ -48,6 +48,7 @@ class MtlMaterials {
   std::string texture_line(const Line& line);
   std::string colour_line(const Line& line);
   void end_material();
+  void refuse_fortran(const std::string& path, long number, std::string_view line);
 
   std::map<std::string, MtlMaterial> all_;
   std::string name_, diffuse_file_;  // of the material that is being read

@@ -75,6 +75,16 @@ TEST_F(Obj, TextLinesHoweverTheyEnd) {
   expect_plain("newmtl m\nmap_Kd -s 1 1 1 my texture.png\n");
 }
 
+TEST_F(Obj, NumbersOfFortranAreRefused) {
+  std::string obj = box("mtllib a.mtl\n");
+  const std::string plain = obj;
+  obj.replace(obj.find("v -0.5"), 6, "v -5.0D-01");
+  put_file(path("a.mtl"), "newmtl m\n");
+  put_file(path(), obj);
+  test::expect_error(Status::format, {path(), "line ", "-5.0D-01", "a number is expected"}, [&] { load_mesh(path()); });
+  expect_plain("newmtl m\nmap_Kd tex.png\n", "# 1.0D+00\n" + plain + "g D 5\n");
+}
+
 TEST_F(Obj, OptionsOfTextures) {
   expect_plain("newmtl m\nmap_Kd -blendu on -bm 0.5 -o 0 0 0 -mm 0 1 -s 1 1 1 tex.png\n");
   const auto moved = [&](const std::string& options, float su, float sv, float du, float dv) {

@@ -111,6 +111,12 @@ TEST_F(Colmap, TextAndBinaryAgree) {
   expect_views(read());
 }
 
+TEST_F(Colmap, TextMayBeginWithAByteOrderMark) {
+  for (std::string* text : {&cameras_txt, &images_txt}) text->insert(0, "\xef\xbb\xbf");
+  write_text();
+  expect_views(read());
+}
+
 TEST_F(Colmap, IsFoundWhereItMayBe) {
   for (const char* at : {"sparse/0/", "sparse/", "colmap/", ""}) {
     write_binary(at);

@@ -55,6 +55,23 @@ TEST_F(ListedFile, ByStemWithAnotherEndingOrCase) {
   EXPECT_TRUE(below("").path.empty());
 }
 
+TEST_F(ListedFile, ByNamesOfOtherPrograms) {
+  for (const char* name : {"my photo.png", "50%.png", "a%20b.png", "c.jfif", "D.JPE"}) folder.touch(name);
+  expect_file("my%20photo.png", "my photo.png", false);
+  expect_file("file:///home/me/set/my%20photo.PNG", "my photo.png", false);
+  expect_file("images/my%20photo.jpg", "my photo.png", false);
+  expect_file("50%.png", "50%.png", true);
+  expect_file("50%25.png", "50%.png", false);
+  expect_file("a%20b.png", "a%20b.png", true);  // as listed comes first
+  expect_file(" my photo.png", "my photo.png", false);
+  expect_file("my photo.png\r\n", "my photo.png", false);
+  expect_file("c.jpg", "c.jfif", false);
+  expect_file("d", "D.JPE", false);
+  for (const char* name : {"%", "%2", "%zz.png", "my%00photo.png", " ", "%20"})
+    EXPECT_TRUE(below(name).path.empty()) << name;
+  EXPECT_TRUE(below("%2e%2e/%2e%2e/etc/passwd").path.empty());
+}
+
 TEST_F(ListedFile, AnExactTailComesBeforeAnotherEnding) {
   folder.touch("cam/1.jpg");
   folder.touch("1.png");

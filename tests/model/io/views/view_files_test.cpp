@@ -77,6 +77,16 @@ TEST_F(ViewFiles, MasksAreFoundAsPicturesAre) {
   EXPECT_EQ(mask(set, 1), "") << "the list names the masks, and none for this one";
 }
 
+TEST_F(ViewFiles, AFolderOfMasksMayBeCalledMask) {
+  for (const char* name : {"images/1.jpg", "Mask/1.png"}) folder.touch(name);
+  EXPECT_EQ(mask(read(list_of({"images/1.jpg"})), 0), "Mask/1.png");
+}
+
+TEST_F(ViewFiles, AListInAnotherEncodingIsToldSo) {
+  const std::string path = folder.write("transforms.json", std::string("\xff\xfe{\0}\0", 6));
+  expect_error(Status::format, {"transforms.json", "UTF-16", "iconv"}, [&] { read_views(path, {}); });
+}
+
 TEST_F(ViewFiles, AFolderOfMasksIsTakenWhereTheListNamesNone) {
   for (const char* name : {"images/a/1.jpg", "images/2.jpg", "masks/a/1.png", "masks/2.jpg.png"}) folder.touch(name);
   const ViewSet set = read(list_of({"images/a/1.jpg", "images/2.jpg"}));
