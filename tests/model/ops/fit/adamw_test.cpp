@@ -6,7 +6,7 @@
 
 #include "model/diagnose/selftest/reference/adamw.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -26,6 +26,7 @@ class Adamw : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Adamw);
+VSPLAT_OPERATION(Adamw, adamw)
 
 // A rate so high that the steps are as large as the weights: float's rounding of the weights hides nothing of them.
 TEST_P(Adamw, StepsMatchReferenceAtEverySizeThatBreaksThings) {

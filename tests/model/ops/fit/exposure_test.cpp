@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/exposure.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -62,6 +62,7 @@ class ExposureOp : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(ExposureOp);
+VSPLAT_OPERATION(ExposureOp, exposure)
 
 TEST_P(ExposureOp, MatchesReferenceAtEverySizeThatBreaksThings) {
   for (const auto& [h, w] : {std::pair{1L, 1L}, {1, 7}, {5, 51}, {16, 16}, {1, 257}, {31, 33}}) check(h, w);

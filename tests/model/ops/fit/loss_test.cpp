@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/loss.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -81,6 +81,7 @@ class Loss : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Loss);
+VSPLAT_OPERATION(Loss, loss)
 
 TEST_P(Loss, MatchesReferenceAtEverySizeThatBreaksThings) {
   for (const auto& [n, h, w] :

@@ -5,13 +5,14 @@
 #include "model/diagnose/selftest/reference/lpips.h"
 #include "runtime/gemm.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class LpipsOps : public test::FlavourTest {};
 VSPLAT_FLAVOURS(LpipsOps);
+VSPLAT_OPERATION(LpipsOps, lpips)
 
 struct Shape2d {
   int height, width, cin, cout;

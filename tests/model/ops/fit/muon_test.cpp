@@ -4,7 +4,7 @@
 
 #include "model/diagnose/selftest/reference/muon.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -32,6 +32,7 @@ class Muon : public test::FlavourTest {
   std::vector<float> values(const Tensor& t) { return ctx().read<float>(t); }
 };
 VSPLAT_FLAVOURS(Muon);
+VSPLAT_OPERATION(Muon, muon)
 
 // A rate so high that the steps are as large as the weights: float's rounding of the weights hides nothing of them.
 TEST_P(Muon, StepsMatchReferenceAtEverySizeThatBreaksThings) {

@@ -5,7 +5,7 @@
 #include "model/diagnose/selftest/reference/picture_target.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -74,6 +74,7 @@ class PictureTargetOp : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(PictureTargetOp);
+VSPLAT_OPERATION(PictureTargetOp, picture_target)
 
 TEST_P(PictureTargetOp, MatchesReferenceAtEverySizeThatBreaksThings) {
   for (const auto& [h, w] : {std::array<long, 2>{0, 0}, {0, 5}, {1, 1}, {3, 1}, {7, 9}, {8, 8}, {5, 13}, {31, 37}}) {

@@ -5,7 +5,7 @@
 #include "model/diagnose/selftest/reference/splat_adam.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -56,6 +56,7 @@ class SplatAdamOp : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SplatAdamOp);
+VSPLAT_OPERATION(SplatAdamOp, splat_adam)
 
 TEST_P(SplatAdamOp, StepsMatchReferenceAtEverySizeThatBreaksThings) {
   for (const long count : {0L, 1L, 3L, 7L, 63L, 64L, 65L, 1009L}) {

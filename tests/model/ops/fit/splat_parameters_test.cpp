@@ -5,7 +5,7 @@
 #include "model/diagnose/selftest/reference/splat_parameters.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -95,6 +95,7 @@ class SplatParametersOp : public test::FlavourTest {
   ref::Left left;
 };
 VSPLAT_FLAVOURS(SplatParametersOp);
+VSPLAT_OPERATION(SplatParametersOp, splat_parameters)
 
 TEST_P(SplatParametersOp, ForwardMatchesReferenceAtEverySizeThatBreaksThings) {
   for (const std::size_t count : kSizes)

@@ -8,7 +8,7 @@
 #include "model/render/render.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -128,6 +128,7 @@ class SplatRelocateOp : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SplatRelocateOp);
+VSPLAT_OPERATION(SplatRelocateOp, splat_relocate)
 
 // One source and n - 1 that join it: the new opacity and the new scales, over all that they can be.
 TEST_P(SplatRelocateOp, SharesAgreeWithTheFormula) {

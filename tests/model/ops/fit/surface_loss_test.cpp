@@ -4,13 +4,14 @@
 
 #include "model/diagnose/selftest/reference/surface_loss.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class SurfaceLossOp : public test::FlavourTest {};
 VSPLAT_FLAVOURS(SurfaceLossOp);
+VSPLAT_OPERATION(SurfaceLossOp, surface_loss)
 
 // Value and gradients, these by differences of the reference: it is linear in each map. Sizes about a group's block.
 TEST_P(SurfaceLossOp, MatchesReference) {

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/confidence.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -31,6 +31,7 @@ class Confidence : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Confidence);
+VSPLAT_OPERATION(Confidence, confidence)
 
 TEST_P(Confidence, MatchesReference) {
   for (const long p : {1L, 3L, 7L, 63L, 64L, 65L, 211L})

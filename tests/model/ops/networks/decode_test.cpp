@@ -4,10 +4,14 @@
 
 #include "model/diagnose/selftest/reference/decode.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
+
+class DecodeOp : public test::FlavourTest {};
+VSPLAT_FLAVOURS(DecodeOp);
+VSPLAT_OPERATION(DecodeOp, decode)
 
 using test::close;
 

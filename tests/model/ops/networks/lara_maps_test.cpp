@@ -6,7 +6,7 @@
 
 #include "model/diagnose/selftest/inputs/lara_picture.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -107,6 +107,7 @@ TEST_P(LaraMapsOp, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(LaraMapsOp);
+VSPLAT_OPERATION(LaraMapsOp, lara_maps)
 
 }  // namespace
 }  // namespace vsplat

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/lift.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/orbit.h"
 
 namespace vsplat {
@@ -121,6 +121,7 @@ class Lift : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Lift);
+VSPLAT_OPERATION(Lift, lift)
 
 TEST_P(Lift, MatchesReferenceAtEverySizeThatBreaksThings) {
   for (const int channels : {1, 3, 7, 15, 16, 17, 33, 130}) check({3, 6, 8, channels, 5, 1.6, true});

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/plucker.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/orbit.h"
 
 namespace vsplat {
@@ -10,6 +10,7 @@ namespace {
 
 class Plucker : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Plucker);
+VSPLAT_OPERATION(Plucker, plucker)
 
 TEST_P(Plucker, MatchesReference) {
   for (const auto& [views, tokens, patch] : {std::array<int, 3>{1, 1, 5}, {3, 7, 8}, {5, 9, 16}}) {

@@ -4,7 +4,7 @@
 
 #include "model/diagnose/selftest/reference/project_features.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/orbit.h"
 
 namespace vsplat {
@@ -64,6 +64,7 @@ class ProjectFeatures : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(ProjectFeatures);
+VSPLAT_OPERATION(ProjectFeatures, project_features)
 
 TEST_P(ProjectFeatures, MatchesReference) {
   check(1, 7, 1, 1, true, false);

@@ -2,13 +2,14 @@
 
 #include "model/diagnose/selftest/reference/ray_harmonics.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class RayHarmonics : public test::FlavourTest {};
 VSPLAT_FLAVOURS(RayHarmonics);
+VSPLAT_OPERATION(RayHarmonics, ray_harmonics)
 
 // Directions of any length, because predicted rays are not normalised.
 TEST_P(RayHarmonics, MatchesReferenceAndItsDifferences) {

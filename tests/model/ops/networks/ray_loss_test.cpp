@@ -2,13 +2,14 @@
 
 #include "model/diagnose/selftest/reference/ray_loss.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class RayLossTest : public test::FlavourTest {};
 VSPLAT_FLAVOURS(RayLossTest);
+VSPLAT_OPERATION(RayLossTest, ray_loss)
 
 TEST_P(RayLossTest, MatchesReferenceAndItsDifferences) {
   for (const long r : {1L, 3L, 7L, 63L, 64L, 65L, 4099L}) {

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/upscale.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -58,6 +58,7 @@ class Upscale : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Upscale);
+VSPLAT_OPERATION(Upscale, upscale)
 
 TEST_P(Upscale, MatchesReference) {
   check(1, 1, 0, 1, 1);

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/view_maps.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -29,6 +29,7 @@ class ViewMaps : public test::FlavourTest {
   ViewDrawings drawings_;
 };
 VSPLAT_FLAVOURS(ViewMaps);
+VSPLAT_OPERATION(ViewMaps, view_maps)
 
 TEST_P(ViewMaps, MatchesReferenceInItsViewsAlone) {
   for (const auto& [edge, views, first] : {std::tuple{1L, 3L, 0L}, {7L, 1L, 2L}, {11L, 2L, 1L}})

@@ -1,13 +1,14 @@
 #include "model/ops/render/area_mean.h"
 
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class AreaMeanOp : public test::FlavourTest {};
 VSPLAT_FLAVOURS(AreaMeanOp);
+VSPLAT_OPERATION(AreaMeanOp, area_mean)
 
 TEST_P(AreaMeanOp, MeansOfSquares) {
   for (const auto& [h, w] : {std::pair{0L, 5L}, {1L, 1L}, {3L, 7L}, {16L, 15L}, {17L, 31L}})

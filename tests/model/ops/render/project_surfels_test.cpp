@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "model/diagnose/selftest/reference/surfels.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -216,6 +216,7 @@ TEST_P(ProjectSurfels, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(ProjectSurfels);
+VSPLAT_OPERATION(ProjectSurfels, project_surfels)
 
 }  // namespace
 }  // namespace vsplat

@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "model/diagnose/selftest/reference/splat.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -182,6 +182,7 @@ TEST_P(Project, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(Project);
+VSPLAT_OPERATION(Project, project)
 
 }  // namespace
 }  // namespace vsplat

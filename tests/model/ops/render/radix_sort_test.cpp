@@ -6,7 +6,7 @@
 #include <numeric>
 #include <random>
 
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -72,6 +72,7 @@ TEST_P(RadixSort, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(RadixSort);
+VSPLAT_OPERATION(RadixSort, radix_sort)
 
 }  // namespace
 }  // namespace vsplat

@@ -6,7 +6,7 @@
 
 #include "model/diagnose/selftest/reference/rasterize_surfels.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/surfel_records.h"
 
 namespace vsplat {
@@ -140,6 +140,7 @@ TEST_P(RasterizeSurfels, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(RasterizeSurfels);
+VSPLAT_OPERATION(RasterizeSurfels, rasterize_surfels)
 
 }  // namespace
 }  // namespace vsplat

@@ -8,7 +8,7 @@
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -144,6 +144,7 @@ TEST_P(Rasterize, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(Rasterize);
+VSPLAT_OPERATION(Rasterize, rasterize)
 
 }  // namespace
 }  // namespace vsplat

@@ -4,10 +4,14 @@
 
 #include "model/base/rng.h"
 #include "model/diagnose/selftest/reference/scan.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
+
+class ScanOp : public test::FlavourTest {};
+VSPLAT_FLAVOURS(ScanOp);
+VSPLAT_OPERATION(ScanOp, scan)
 
 std::vector<std::uint32_t> random_counts(long n, std::uint32_t bound) {
   std::vector<std::uint32_t> v(static_cast<std::size_t>(n));

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <random>
 
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -175,6 +175,7 @@ TEST_P(TileBin, RefusesWhatCannotBeSorted) {
 }
 
 VSPLAT_FLAVOURS(TileBin);
+VSPLAT_OPERATION(TileBin, tile_bin)
 
 }  // namespace
 }  // namespace vsplat

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <random>
 
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -95,6 +95,7 @@ TEST_P(VisibleOp, CountsBeyond32Bits) {
 }
 
 VSPLAT_FLAVOURS(VisibleOp);
+VSPLAT_OPERATION(VisibleOp, visible)
 
 }  // namespace
 }  // namespace vsplat

@@ -1,13 +1,10 @@
 #include "model/ops/volume/cell_map.h"
 
-#include <algorithm>
-#include <numeric>
-
 #include "model/diagnose/selftest/reference/cell_map.h"
 #include "model/ops/render/radix_sort.h"
 #include "model/ops/volume/sparse_conv.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -39,6 +36,7 @@ class CellMap : public test::FlavourTest {
   CellMapForward in_;
 };
 VSPLAT_FLAVOURS(CellMap);
+VSPLAT_OPERATION(CellMap, cell_map)
 
 TEST_P(CellMap, MatchesReference) {
   for (const auto& [n, depth] :

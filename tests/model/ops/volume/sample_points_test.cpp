@@ -4,7 +4,7 @@
 
 #include "model/diagnose/selftest/reference/sample_points.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/orbit.h"
 
 namespace vsplat {
@@ -56,6 +56,7 @@ class SamplePoints : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SamplePoints);
+VSPLAT_OPERATION(SamplePoints, sample_points)
 
 TEST_P(SamplePoints, MatchesReference) {
   check(1, 1, 1, true, 0.5f);

@@ -4,10 +4,14 @@
 #include "model/diagnose/selftest/reference/select.h"
 #include "model/ops/volume/compact.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
+
+class SelectOp : public test::FlavourTest {};
+VSPLAT_FLAVOURS(SelectOp);
+VSPLAT_OPERATION(SelectOp, select)
 
 using test::close;
 

@@ -5,7 +5,7 @@
 
 #include "model/diagnose/selftest/reference/space_curve.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -20,6 +20,7 @@ class SpaceCurve : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SpaceCurve);
+VSPLAT_OPERATION(SpaceCurve, space_curve)
 
 TEST_P(SpaceCurve, CellsFromTheLeastCoordinates) {
   for (const long n : {1L, 2L, 3L, 7L, 63L, 64L, 65L, 1009L, 5000L}) {

@@ -8,7 +8,7 @@
 #include "model/ops/dense/conv3d.h"
 #include "model/ops/volume/sparse_map.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -93,6 +93,7 @@ class SparseConv : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SparseConv);
+VSPLAT_OPERATION(SparseConv, sparse_conv)
 
 TEST_P(SparseConv, ForwardMatchesReference) {
   for (const SparseConvTry& t : {SparseConvTry{4, 0.6f, 5, 7, 3, true}, SparseConvTry{3, 0.5f, 12, 33, 0, false, 1}}) {

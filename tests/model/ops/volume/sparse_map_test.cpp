@@ -2,10 +2,14 @@
 
 #include "model/base/rng.h"
 #include "model/diagnose/selftest/reference/sparse_map.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
+
+class SparseMapOp : public test::FlavourTest {};
+VSPLAT_FLAVOURS(SparseMapOp);
+VSPLAT_OPERATION(SparseMapOp, sparse_map)
 
 std::vector<int> random_voxels(int r, float share) {
   std::vector<int> index;

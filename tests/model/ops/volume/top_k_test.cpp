@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/top_k.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -25,6 +25,7 @@ class TopKTest : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(TopKTest);
+VSPLAT_OPERATION(TopKTest, top_k)
 
 TEST_P(TopKTest, MatchesReference) {
   for (const std::size_t n : {0u, 1u, 3u, 7u, 63u, 64u, 65u, 1021u, 5000u})

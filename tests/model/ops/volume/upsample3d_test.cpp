@@ -2,13 +2,14 @@
 
 #include "model/diagnose/selftest/reference/upsample3d.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class Resample3d : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Resample3d);
+VSPLAT_OPERATION(Resample3d, upsample3d)
 
 TEST_P(Resample3d, UpsamplingMatchesReference) {
   struct Upsample3dSize {
