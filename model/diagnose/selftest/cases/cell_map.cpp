@@ -56,7 +56,8 @@ void cell_map_all(Checks& c) {
     long n;
     int depth;
   };
-  for (const Try& t : c.some({Try{1, 1}, {7, 1}, {64, 2}, {65, 3}, {131, 2}, {300, 9}}))
+  for (const Try& t : c.some({Try{1, 1}, {7, 1}, {64, 2}, {65, 3}, {131, 2}, {300, 9}},
+                             {{0, 2}, {3, 1}, {7, 1}, {60, 2}, {211, 2}, {211, 3}}))
     for (const bool all : {false, true}) {
       const auto cells = some_cells(t.n, t.depth);
       CellMapForward in;

@@ -15,7 +15,8 @@ void sample_points_all(Checks& c) {
     float reach;
   };
   for (const Try& t :
-       c.some({Try{1, 1, 1, true, 0.5f}, {2, 7, 17, true, 0.5f}, {3, 8, 31, false, 0.5f}, {3, 5, 65, true, 1.2f}})) {
+       c.some({Try{1, 1, 1, true, 0.5f}, {2, 7, 17, true, 0.5f}, {3, 8, 31, false, 0.5f}, {3, 5, 65, true, 1.2f}},
+              {{4, 5, 65, true, 0.4f}, {3, 5, 150, true, 1.2f}})) {
     ref::SamplePointsCase want;
     want.size = t.size, want.half_pixel = t.half_pixel, want.cameras = orbit(t.views, static_cast<int>(t.size));
     const long v = t.views;
@@ -30,9 +31,15 @@ void sample_points_all(Checks& c) {
     sample_points_forward(c.ctx, f);
     c.close_by_column("forward", c.ctx.read<float>(f.out), 8, want.all(), 2e-5);
     const Tensor dpoints = c.up({t.points, 3}, before), dmaps = c.up({v, t.size, t.size, 8}, already);
-    sample_points_backward(c.ctx, {f, c.up({t.points, v, 8}, dout), dpoints, dmaps});
+    const Tensor by = c.up({t.points, v, 8}, dout);
+    sample_points_backward(c.ctx, {f, by, dpoints, dmaps});
     c.close(
         "backward, dpoints", dpoints, [&] { return plus(want.points_gradient(dout), before); }, 5e-5);
+    if (c.all) {
+      const Tensor alone = c.up({t.points, 3}, before);
+      sample_points_backward(c.ctx, {f, by, alone, {}});
+      c.equal("backward, without dmaps", alone, c.ctx.read<float>(dpoints));
+    }
     c.close(
         "backward, dmaps", dmaps, [&] { return plus(want.maps_gradient(dout), already); }, 2e-5);
   }

@@ -7,10 +7,10 @@ namespace vsplat::selftest {
 namespace {
 
 void top_k_all(Checks& c) {
-  for (const long n : c.some({1L, 7L, 63L, 65L, 1009L})) {
+  for (const long n : c.some({1L, 7L, 63L, 65L, 1009L}, {0L, 3L, 64L, 1021L, 5000L})) {
     auto x = random_floats(size_of(n), 1);
     for (std::size_t i = 0; i < x.size(); i += 3) x[i] = 0.25f;  // equal ones, too
-    for (const long k : {1L, n / 3, n}) {
+    for (const long k : c.some({1L, n / 3, n}, {0L, n + 5})) {
       const Tensor flags = c.up({n}, std::vector<std::uint32_t>(x.size(), 7)),
                    others = c.up({n}, std::vector<std::uint32_t>(x.size(), 7));
       top_k(c.ctx, {c.up({n}, x), k, flags, others});
@@ -19,6 +19,9 @@ void top_k_all(Checks& c) {
       auto rest = want;
       for (auto& v : rest) v = 1 - v;
       c.equal("others", others, rest);
+      if (!c.all) continue;
+      top_k(c.ctx, {c.up({n}, x), k, others, {}});
+      c.equal("largest alone", others, want);
     }
   }
 }
