@@ -45,7 +45,7 @@ void check_raw(Checks& c, const Tensor& draw, const std::vector<double>& want, l
       if (at < ends[part] || at >= ends[part + 1]) continue;
       some.push_back(got[i]), expected.push_back(want[i]);
     }
-    c.close("backward, draw", some, expected, 1e-6);
+    c.close("backward, draw", some, expected, c.within(1e-6, part == 1 ? 0 : 1e-6));
   }
 }
 
@@ -53,14 +53,17 @@ void decode_coarse_all(Checks& c) {
   struct Try {
     long r, s, each, scales;
     bool exponential;
+    double reach = 0.6;
   };
-  for (const Try& t : c.some({Try{1, 1, 1, 3, false},
-                              {3, 4, 2, 2, true},
-                              {2, 9, 3, 2, false},
-                              {5, 4, 2, 3, false},
-                              {4, 16, 1, 3, true}})) {
+  for (const Try& t : c.some(
+           {Try{1, 1, 1, 3, false}, {3, 4, 2, 2, true}, {2, 9, 3, 2, false}, {5, 4, 2, 3, false}, {4, 16, 1, 3, true}},
+           {{3, 1, 1, 3, true},
+            {1, 1, 1, 3, false, 0.25},
+            {3, 4, 1, 3, false, 0.25},
+            {5, 9, 1, 3, false, 0.25},
+            {4, 16, 1, 3, false, 0.25}})) {
     const long n = t.r * t.r * t.r * t.each, size = 8 + t.scales + 3 * t.s;
-    const CoarseKind kind{t.each, 0.6, t.exponential};
+    const CoarseKind kind{t.each, t.reach, t.exponential};
     const auto raw = random_floats(size_of(n, size), 41, -4.0f, 4.0f);
     const DeviceGaussians out = gap_gaussians(c, n, t.s, t.scales);
     const Tensor in = c.up({t.r * t.r * t.r, t.each * size}, raw);
@@ -75,8 +78,8 @@ void decode_coarse_all(Checks& c) {
                                 (static_cast<double>(i / t.r % t.r) + 0.5) * voxel - 0.5,
                                 (static_cast<double>(i % t.r) + 0.5) * voxel - 0.5};
       const float* row = &raw[size_of(k, size)];
-      ref::decode(row, anchor, 0.6 * voxel, voxel, 3 * t.s, want, static_cast<int>(t.scales), t.exponential);
-      ref::decode_backward(row, 0.6 * voxel, voxel, 3 * t.s, d, size_of(k), by, size_of(t.scales), t.exponential);
+      ref::decode(row, anchor, t.reach * voxel, voxel, 3 * t.s, want, static_cast<int>(t.scales), t.exponential);
+      ref::decode_backward(row, t.reach * voxel, voxel, 3 * t.s, d, size_of(k), by, size_of(t.scales), t.exponential);
     }
     check_gaussians(c, out, want);
     const Tensor draw = c.gap(in.shape());
@@ -136,9 +139,10 @@ void decode_points_all(Checks& c) {
       by.insert(by.end(), back.begin() + 3, back.end());
     }
     check_gaussians(c, out, want);
+    if (c.all) c.close("means, to the bit", out.means, want.means, 0);
     decode_points_backward(c.ctx, {in, unit, 0, up_slopes(c, d, p, s), draw, dpoints});
     check_raw(c, draw, by, 3 * s, 3, false);
-    c.close("backward, dpoints", dpoints, d.means, 1e-6);
+    c.close("backward, dpoints", dpoints, d.means, c.within(1e-6, 0));
   }
 }
 
@@ -172,7 +176,7 @@ void decode_adjusted_all(Checks& c) {
     check_gaussians(c, out, want);
     const GaussianGradients to{c.zeros({p, 3}), c.zeros({p, 3}), c.zeros({p, 4}), c.up({p}, opacities), {}};
     decode_adjusted_backward(c.ctx, {in, skeleton.opacities, 0, up_slopes(c, d, p, s), draw, to});
-    c.close("backward, draw", draw, by, 1e-6);
+    c.close("backward, draw", draw, by, c.within(1e-6, 1e-7));
     c.close("backward, opacities", to.opacities, by_opacity, 1e-6);
     c.close("backward, means", to.means, d.means, 1e-6);
     c.close("backward, scales", to.scales, d.scales, 1e-6);

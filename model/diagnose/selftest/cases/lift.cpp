@@ -12,10 +12,26 @@ void lift_all(Checks& c) {
   struct Try {
     int views, tokens, channels, volume;
     bool half_pixel;
+    double radius = 1.6;
+    int patch = 8;
   };
-  for (const Try& t : c.some({Try{2, 3, 3, 3, true}, {3, 6, 16, 4, true}, {3, 4, 17, 3, false}, {4, 5, 33, 2, true}})) {
-    const int patch = 8, image = t.tokens * patch;
-    const auto cameras = orbit(t.views, image);
+  for (const Try& t : c.some({Try{2, 3, 3, 3, true}, {3, 6, 16, 4, true}, {3, 4, 17, 3, false}, {4, 5, 33, 2, true}},
+                             {{1, 1, 5, 1, true, 1.6, 4},
+                              {16, 5, 20, 4, true, 2.0, 3},
+                              {2, 6, 9, 6, false},
+                              // Cameras so near that corners fall off the maps, and inside the cube.
+                              {3, 6, 9, 6, true, 0.8},
+                              {4, 7, 18, 6, true, 0.3, 4},
+                              {3, 6, 1, 5, true},
+                              {3, 6, 3, 5, true},
+                              {3, 6, 7, 5, true},
+                              {3, 6, 15, 5, true},
+                              {3, 6, 16, 5, true},
+                              {3, 6, 17, 5, true},
+                              {3, 6, 33, 5, true},
+                              {3, 6, 130, 5, true}})) {
+    const int image = t.tokens * t.patch;
+    const auto cameras = orbit(t.views, image, t.radius);
     const DeviceCameras on_device = upload_cameras(c.ctx, cameras);
     const long v = t.views, ch = t.channels, texels = v * t.tokens * t.tokens;
     const long voxels = static_cast<long>(t.volume) * t.volume * t.volume;

@@ -10,7 +10,8 @@ namespace vsplat::selftest {
 namespace {
 
 void plucker_all(Checks& c) {
-  for (const auto& [views, size, patch] : c.some({std::array<int, 3>{1, 3, 3}, {3, 21, 7}, {2, 48, 16}})) {
+  for (const auto& [views, size, patch] :
+       c.some({std::array<int, 3>{1, 3, 3}, {3, 21, 7}, {2, 48, 16}}, {{1, 5, 5}, {3, 56, 8}, {5, 144, 16}})) {
     const auto cameras = orbit(views, size);
     const long t = size / patch;
     const Tensor out = c.gap({views, t, t, 32});

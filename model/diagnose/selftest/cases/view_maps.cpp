@@ -8,16 +8,18 @@
 namespace vsplat::selftest {
 namespace {
 
-void view_maps_all(Checks& c) {
+// `drawn` views of three, from `first` on.
+void view_maps_of(Checks& c, long edge, long first, long drawn) {
+  constexpr long views = 3;
   for (const bool by_alpha : {false, true}) {
-    constexpr long views = 3, edge = 7, first = 1, drawn = 2;
-    constexpr std::size_t pixels = drawn * edge * edge, before = first * edge * edge;
-    const auto images = random_floats(3 * views * edge * edge, 1, 0, 1),
-               colour = random_floats(3 * pixels, 2, -0.5f, 1.5f), dmaps = random_floats(8 * views * edge * edge, 5);
+    const std::size_t pixels = size_of(drawn * edge, edge), before = size_of(first * edge, edge);
+    const auto images = random_floats(size_of(3 * views * edge, edge), 1, 0, 1),
+               colour = random_floats(3 * pixels, 2, -0.5f, 1.5f),
+               dmaps = random_floats(size_of(8 * views * edge, edge), 5);
     auto alpha = random_floats(pixels, 3, -0.5f, 1), depth = random_floats(pixels, 4, 0.5f, 3);
     for (std::size_t i = 0; i < pixels; ++i)
       if (alpha[i] <= 0) alpha[i] = depth[i] = 0;  // nothing in it
-    std::vector<double> want(8 * views * edge * edge, 9.0), dcolour, dalpha, ddepth;
+    std::vector<double> want(size_of(8 * views * edge, edge), 9.0), dcolour, dalpha, ddepth;
     for (std::size_t i = 0; i < pixels; ++i) {
       const std::size_t at = before + i;
       const double drawing[3] = {colour[3 * i], colour[3 * i + 1], colour[3 * i + 2]};
@@ -42,6 +44,14 @@ void view_maps_all(Checks& c) {
     c.close("backward, alpha", by.alpha, dalpha, 1e-5);
     c.close("backward, depth", by.depth, ddepth, 1e-5);
   }
+}
+
+void view_maps_all(Checks& c) {
+  view_maps_of(c, 7, 1, 2);
+  if (!c.all) return;
+  view_maps_of(c, 1, 0, 3);
+  view_maps_of(c, 7, 2, 1);
+  view_maps_of(c, 11, 1, 2);
 }
 
 }  // namespace
