@@ -27,7 +27,8 @@ std::vector<double> differences_of(std::vector<double> at, double step, const Lo
 }
 
 void exposure_all(Checks& c) {
-  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {1, 7}, {5, 11}, {16, 16}, {1, 257}})) {
+  for (const auto& [h, w] :
+       c.some({std::array<long, 2>{1, 1}, {1, 7}, {5, 11}, {16, 16}, {1, 257}}, {{5, 51}, {31, 33}})) {
     const std::size_t n = size_of(h, w);
     const auto map = random_floats(12, 1), colour = random_floats(3 * n, 2, -0.5f, 1.5f),
                alpha = random_floats(n, 3, 0, 1), by = random_floats(3 * n, 4), dalpha = random_floats(n, 5);

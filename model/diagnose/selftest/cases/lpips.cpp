@@ -17,7 +17,12 @@ void lpips_all(Checks& c) {
   for (const Try& t : c.some({Try{1, 1, 1, 1, {1, 1, 0}},
                               {3, 7, 3, 5, {3, 1, 1}},
                               {11, 13, 3, 7, {11, 4, 2}},
-                              {17, 31, 3, 33, {5, 1, 2}}})) {
+                              {17, 31, 3, 33, {5, 1, 2}}},
+                             {{7, 3, 1, 17, {3, 1, 0}},
+                              {16, 15, 5, 3, {5, 1, 2}},
+                              {17, 31, 3, 33, {11, 4, 2}},
+                              {1, 5, 4, 2, {3, 2, 1}},
+                              {2, 2, 2, 3, {3, 1, 1}}})) {
     const auto taps = size_of(t.window.side, t.window.side), cin = size_of(t.channels), cout = size_of(t.outs);
     const auto in = random_floats(size_of(t.height, t.width) * cin, 1), w = random_floats(cout * cin * taps, 2);
     std::vector<float> last(w.size());
@@ -34,12 +39,16 @@ void lpips_all(Checks& c) {
                         static_cast<int>(t.window.stride), static_cast<int>(t.window.pad)),
             1e-5);
   }
-  for (const auto& [h, w, channels] : c.some({std::array<int, 3>{3, 3, 7}, {7, 8, 3}, {13, 9, 64}, {8, 17, 65}})) {
-    const auto in = random_floats(size_of(h, w) * size_of(channels), 3, -2, -1);
+  for (const auto& [h, w, channels, side] :
+       c.some({std::array<int, 4>{3, 3, 7, 3}, {7, 8, 3, 3}, {13, 9, 64, 3}, {8, 17, 65, 3}},
+              {{2, 2, 1, 2}, {7, 8, 3, 2}, {8, 17, 5, 3}, {5, 5, 101, 2}})) {
+    auto in = random_floats(size_of(h, w) * size_of(channels), 3, -2, -1);
+    if (c.all) in[in.size() / 2] = 5;
     const Tensor picture = c.up({h, w, channels}, in);
-    c.close("largest of windows", max_pool(c.ctx, picture, {3, 2, 0}), ref::max_pool(in, h, w, channels, 3, 2), 0);
+    c.close("largest of windows", max_pool(c.ctx, picture, {side, 2, 0}), ref::max_pool(in, h, w, channels, side, 2),
+            0);
   }
-  for (const long n : c.some({1L, 63L, 64L, 65L, 1009L})) {
+  for (const long n : c.some({1L, 63L, 64L, 65L, 1009L}, {3L})) {
     const auto x = random_floats(size_of(n), 4);
     std::vector<float> want = x;
     for (float& v : want) v = v > 0 ? v : 0;
@@ -47,9 +56,12 @@ void lpips_all(Checks& c) {
     relu(c.ctx, t);
     c.equal("ReLU", t, want);
   }
-  for (const auto& [places, channels] : c.some({std::array<long, 2>{3, 7}, {7, 3}, {65, 64}, {64, 65}, {13, 512}})) {
-    const auto a = random_floats(size_of(places, channels), 5, 0, 1), b = random_floats(a.size(), 6, -0.5f, 1),
+  for (const auto& [places, channels] :
+       c.some({std::array<long, 2>{3, 7}, {7, 3}, {65, 64}, {64, 65}, {13, 512}}, {{1, 1}, {101, 512}})) {
+    const auto a = random_floats(size_of(places, channels), 5, 0, 1),
                weight = random_floats(size_of(channels), 7, 0.1f, 1);
+    auto b = random_floats(a.size(), 6, -0.5f, 1);
+    if (channels == 1) b[0] = -0.3f;  // unit vectors of one number differ by their sign alone
     const Tensor out = c.gap({places});
     feature_distance(c.ctx, {c.up({places, channels}, a), c.up({places, channels}, b), c.up({channels}, weight), out});
     c.close("distance", out, ref::feature_distance(a, b, weight), 1e-5);

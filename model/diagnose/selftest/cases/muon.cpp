@@ -9,7 +9,8 @@ namespace vsplat::selftest {
 namespace {
 
 void muon_all(Checks& c) {
-  for (const auto& [n, k] : c.some({std::array<long, 2>{1, 7}, {7, 1}, {31, 32}, {33, 32}, {13, 101}, {65, 129}})) {
+  for (const auto& [n, k] : c.some({std::array<long, 2>{1, 7}, {7, 1}, {31, 32}, {33, 32}, {13, 101}, {65, 129}},
+                                   {{1, 1}, {3, 3}, {101, 13}, {64, 65}})) {
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     const auto matrix = [rows = n](const std::vector<float>& x) -> Eigen::MatrixXd {
       const auto values = as_doubles(x);
@@ -24,7 +25,7 @@ void muon_all(Checks& c) {
     MuonStep a{c.up({n, k}, start), {}, c.zeros({n, k}), c.up({2}, std::vector<float>{7.0f, 0.25f})};
     a.lr = 0.1, a.weight_decay = 0.5;
     Eigen::MatrixXd param = matrix(start), m = Eigen::MatrixXd::Zero(n, k);
-    for (std::uint32_t step = 1; step <= 2; ++step) {
+    for (std::uint32_t step = 1; step <= (c.all ? 3u : 2u); ++step) {
       const auto grad = random_floats(count, 1 + step);
       a.grad = c.up({n, k}, grad);
       muon_step(c.ctx, a);

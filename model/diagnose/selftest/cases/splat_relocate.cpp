@@ -88,7 +88,7 @@ void splat_relocate_of(Checks& c, std::size_t count, double growth) {
 void splat_relocate_all(Checks& c) {
   for (const std::size_t count : c.some({3UL, 7UL, 63UL, 64UL, 65UL, 1009UL, 20011UL}))
     for (const double growth : {1.0, 1.3}) splat_relocate_of(c, count, growth);
-  for (const std::size_t n : c.some({1UL, 7UL, 63UL, 65UL, 1009UL})) {
+  for (const std::size_t n : c.some({1UL, 7UL, 63UL, 65UL, 1009UL}, {0UL, 3UL, 64UL})) {
     FitRows x = fit_rows(random_floats(n, 8, -8, -2.5f), n, 1);
     x.logits = random_floats(n, 8, -8, -2.5f);
     x.means.assign(3 * n, 0.0f), x.quats = random_floats(4 * n, 9, -2, 2);

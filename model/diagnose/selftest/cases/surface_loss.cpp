@@ -9,7 +9,8 @@ namespace vsplat::selftest {
 namespace {
 
 void surface_loss_all(Checks& c) {
-  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {7, 3}, {31, 11}, {1, 2047}, {32, 64}, {97, 61}})) {
+  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {7, 3}, {31, 11}, {1, 2047}, {32, 64}, {97, 61}},
+                                   {{1, 3}, {7, 1}, {1, 2049}})) {
     const std::size_t n = size_of(h, w);
     const auto normal = random_floats(3 * n, 1), depth_normal = random_floats(3 * n, 2),
                alpha = random_floats(n, 3, 0, 1), distortion = random_floats(n, 4, 0, 0.1f);
