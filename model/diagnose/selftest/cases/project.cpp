@@ -56,38 +56,45 @@ double record_error(const ref::Splat& want, const float* r, std::uint32_t key, d
   return z == r[3] ? worst : INFINITY;
 }
 
-void project_all(Checks& c) {
-  for (const SceneCase& s : scene_cases()) {
-    if (s.count == 0 || (c.quick && (s.count > 300 || s.kind == "discs"))) continue;
-    const Gaussians g = make_scene(s, 21);
-    const Camera cam = make_camera(s, 21);
-    const Tensor views = upload_views(c.ctx, {cam}, 0.2f, {});
-    const long k = static_cast<long>(g.count);
-    const DeviceGaussians d = upload(c.ctx, g);
-    const Culled culled{c.up({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef)), c.ctx.tensor({k}, Type::u32),
-                        Tensor()};
-    project_cull(c.ctx, d, 0, views, 0, cam.width, cam.height, culled);
-    const auto rects = c.ctx.read<std::uint32_t>(culled.rects), keys = c.ctx.read<std::uint32_t>(culled.keys);
-    bool right = true;
-    std::vector<std::uint32_t> ids;
-    for (std::uint32_t i = 0; i < g.count; ++i) {
-      right =
-          right && right_tiles(ref::project(g, i, cam, {}), rects[2 * std::size_t{i}], rects[2 * std::size_t{i} + 1]);
-      if (rects[2 * std::size_t{i} + 1] != 0) ids.push_back(i);
-    }
-    c.that("tiles", right);
-    if (ids.empty() || !right) continue;
-    const long n = static_cast<long>(ids.size()), first = n / 3;
-    const Tensor seen = c.up({n}, ids), records = c.gap({n, 12});
-    project_forward(c.ctx, {d, 0, views, 0, seen, 0, first, records});
-    project_forward(c.ctx, {d, 0, views, 0, seen, first, n - first, records});
-    const auto got = c.ctx.read<float>(records);
-    double worst = 0;
-    for (std::size_t i = 0; i < ids.size(); ++i)
-      worst = std::max(
-          worst, record_error(ref::project(g, ids[i], cam, {}), &got[12 * i], keys[ids[i]], std::max(cam.fx, cam.fy)));
-    c.that("records", worst <= 1, worst, 1);
+void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Options& options) {
+  const Camera other = look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
+  const Tensor views = upload_views(c.ctx, {other, cam}, 0.2f, mirror_of(options));
+  const long k = static_cast<long>(g.count);
+  const DeviceGaussians d = upload(c.ctx, g);
+  const Culled culled{c.up({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef)), c.ctx.tensor({k}, Type::u32),
+                      Tensor()};
+  project_cull(c.ctx, d, 0, views, 1, cam.width, cam.height, culled);
+  const auto rects = c.ctx.read<std::uint32_t>(culled.rects), keys = c.ctx.read<std::uint32_t>(culled.keys);
+  bool right = true;
+  std::vector<std::uint32_t> ids;
+  for (std::size_t i = 0; i < g.count; ++i) {
+    right = right && right_tiles(ref::project(g, i, cam, options), rects[2 * i], rects[2 * i + 1]);
+    if (rects[2 * i + 1] != 0) ids.push_back(static_cast<std::uint32_t>(i));
   }
+  c.that("tiles", right);
+  if (ids.empty() || !right) return;
+  const long n = static_cast<long>(ids.size()), first = n / 3;
+  const Tensor seen = c.up({n}, ids), records = c.gap({n, 12});
+  project_forward(c.ctx, {d, 0, views, 1, seen, 0, first, records});
+  project_forward(c.ctx, {d, 0, views, 1, seen, first, n - first, records});
+  const auto got = c.ctx.read<float>(records);
+  double worst = 0;
+  for (std::size_t i = 0; i < ids.size(); ++i)
+    worst = std::max(worst, record_error(ref::project(g, ids[i], cam, options), &got[12 * i], keys[ids[i]],
+                                         std::max(cam.fx, cam.fy)));
+  c.that("records", worst <= 1, worst, 1);
+}
+
+void project_all(Checks& c) {
+  for (const SceneCase& s : scene_cases())
+    if ((s.count > 0 || c.all) && !(c.quick && (s.count > 300 || s.kind == "discs")))
+      project_of(c, make_scene(s, 21), make_camera(s, 21), {});
+  if (!c.all) return;
+  const SceneCase mirrored{"", 100, 2, 64, 64, ""}, long_quats{"", 60, 0, 64, 64, ""};
+  project_of(c, make_scene(mirrored, 22), make_camera(mirrored, 22), {.mirror = Eigen::Vector3d(0.5, -1, 0.25)});
+  Gaussians g = make_scene(long_quats, 23);
+  for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= static_cast<float>(1 + i / 4);
+  project_of(c, g, make_camera(long_quats, 23), {});
 }
 
 void project_backward_all(Checks& c) {
@@ -96,6 +103,15 @@ void project_backward_all(Checks& c) {
                              {"", 65, 2, 61, 97, "off-centre"},
                              {"", 63, 0, 96, 96, "needles"}})
     if (!c.quick || s.count < 70) check_projection(c, make_scene(s, 31), make_camera(s, 31), {});
+  if (c.all) {
+    for (const SceneCase& s : scene_cases()) check_projection(c, make_scene(s, 31), make_camera(s, 31), {});
+    const SceneCase mirrored{"", 100, 3, 64, 64, ""}, any_length{"", 60, 0, 64, 64, ""};
+    check_projection(c, make_scene(mirrored, 32), make_camera(mirrored, 32), {},
+                     {.mirror = Eigen::Vector3d(0.5, -1, 0.25)});
+    Gaussians g = make_scene(any_length, 33);
+    for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= 0.125f * static_cast<float>(1 + i / 4);
+    check_projection(c, g, make_camera(any_length, 33), {});
+  }
   // Sums of the rows that were written, into the scene's own Gaussians; what no pixel sees stays.
   const std::vector<std::uint32_t> ids = {4, 0, 6}, offsets = {0, 3, 3, 5};
   std::vector<float> rows = random_floats(10, 1, 0, 1);

@@ -18,6 +18,17 @@ void project_surfels_backward_all(Checks& c) {
   for (const bool current : {false, true})
     for (const SceneCase& s : {SceneCase{"", 17, 1, 50, 37, ""}, {"", 65, 3, 64, 48, ""}})
       check_projection(c, make_surfels(s, 31), make_camera(s, 31), ref::SurfelOptions{{}, current});
+  if (!c.all) return;
+  for (const SceneCase& s : scene_cases())
+    for (const bool current : {false, true})
+      if (s.kind != "near" && s.kind != "needles" && s.count <= 1000)
+        check_projection(c, make_surfels(s, 31), make_camera(s, 31), ref::SurfelOptions{{}, current});
+  const SceneCase s{"", 60, 3, 64, 64, ""};
+  Gaussians g = make_surfels(s, 33);
+  for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= 0.5f + 0.03125f * static_cast<float>(i / 4);
+  ref::SurfelOptions mirrored;
+  mirrored.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
+  check_projection(c, g, make_camera(s, 33), mirrored);
 }
 
 // Within the reference's tiles, and with its reaches all of the pixels in which it can be seen.
@@ -57,46 +68,58 @@ double surfel_error(const ref::Surfel& want, const float* r, std::uint32_t key, 
   return z == r[3] ? worst : INFINITY;
 }
 
-void project_surfels_all(Checks& c) {
-  for (const SceneCase& s : scene_cases()) {
-    if (s.count == 0 || s.count > (c.quick ? 200 : 1000)) continue;
-    for (const bool current : {false, true}) {
-      const ref::SurfelOptions o{{}, current};
-      const Gaussians g = make_surfels(s, 21);
-      const Camera cam = make_camera(s, 21);
-      const Tensor views = upload_views(c.ctx, {cam}, 0.2f, {});
-      const long k = static_cast<long>(g.count);
-      const DeviceGaussians d = upload(c.ctx, g);
-      const Culled culled{c.up({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef)),
-                          c.ctx.tensor({k}, Type::u32), Tensor()};
-      project_surfels_cull(c.ctx, d, 0, views, 0, cam.width, cam.height, revision_of(o), culled);
-      const auto rects = c.ctx.read<std::uint32_t>(culled.rects), keys = c.ctx.read<std::uint32_t>(culled.keys);
-      bool right = true;
-      std::vector<std::uint32_t> ids;
-      for (std::size_t i = 0; i < g.count; ++i) {
-        const ref::Surfel want = ref::project_surfel(g, i, cam, o);
-        const bool out = want.culled || want.opacity < 1.0f / 255;
-        right = right && (out ? rects[2 * i] == 0 && rects[2 * i + 1] == 0
-                              : right_reach(want, o, rects[2 * i], rects[2 * i + 1], nullptr));
-        if (rects[2 * i + 1] != 0) ids.push_back(static_cast<std::uint32_t>(i));
-      }
-      c.that("tiles", right);
-      if (!right || ids.empty()) continue;
-      const long n = static_cast<long>(ids.size());
-      const Tensor records = c.gap({n, 20});
-      project_surfels_forward(c.ctx, {d, 0, views, 0, c.up({n}, ids), 0, n, records, revision_of(o)});
-      const auto got = c.ctx.read<float>(records);
-      double worst = 0;
-      for (std::size_t i = 0; i < ids.size(); ++i) {
-        const ref::Surfel want = ref::project_surfel(g, ids[i], cam, o);
-        const std::size_t at = 2 * std::size_t{ids[i]};
-        const bool reaches = right_reach(want, o, rects[at], rects[at + 1], &got[20 * i]);
-        worst = std::max(worst,
-                         reaches ? surfel_error(want, &got[20 * i], keys[ids[i]], std::max(cam.fx, cam.fy)) : INFINITY);
-      }
-      c.that("records", worst <= 1, worst, 1);
-    }
+void project_surfels_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::SurfelOptions& o) {
+  const Camera other = look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
+  const Tensor views = upload_views(c.ctx, {other, cam}, static_cast<float>(o.options.near), mirror_of(o.options));
+  const long k = static_cast<long>(g.count);
+  const DeviceGaussians d = upload(c.ctx, g);
+  const Culled culled{c.up({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef)), c.ctx.tensor({k}, Type::u32),
+                      Tensor()};
+  project_surfels_cull(c.ctx, d, 0, views, 1, cam.width, cam.height, revision_of(o), culled);
+  const auto rects = c.ctx.read<std::uint32_t>(culled.rects), keys = c.ctx.read<std::uint32_t>(culled.keys);
+  bool right = true;
+  std::vector<std::uint32_t> ids;
+  for (std::size_t i = 0; i < g.count; ++i) {
+    const ref::Surfel want = ref::project_surfel(g, i, cam, o);
+    const bool out = want.culled || want.opacity < 1.0f / 255;
+    right = right && (out ? rects[2 * i] == 0 && rects[2 * i + 1] == 0
+                          : right_reach(want, o, rects[2 * i], rects[2 * i + 1], nullptr));
+    if (rects[2 * i + 1] != 0) ids.push_back(static_cast<std::uint32_t>(i));
   }
+  c.that("tiles", right);
+  if (!right || ids.empty()) return;
+  const long n = static_cast<long>(ids.size()), first = n / 3;
+  const Tensor records = c.gap({n, 20}), seen = c.up({n}, ids);
+  project_surfels_forward(c.ctx, {d, 0, views, 1, seen, 0, first, records, revision_of(o)});
+  project_surfels_forward(c.ctx, {d, 0, views, 1, seen, first, n - first, records, revision_of(o)});
+  const auto got = c.ctx.read<float>(records);
+  double worst = 0;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const ref::Surfel want = ref::project_surfel(g, ids[i], cam, o);
+    const std::size_t at = 2 * std::size_t{ids[i]};
+    const bool reaches = right_reach(want, o, rects[at], rects[at + 1], &got[20 * i]);
+    worst =
+        std::max(worst, reaches ? surfel_error(want, &got[20 * i], keys[ids[i]], std::max(cam.fx, cam.fy)) : INFINITY);
+  }
+  c.that("records", worst <= 1, worst, 1);
+}
+
+void project_surfels_all(Checks& c) {
+  std::vector<SceneCase> scenes = scene_cases();
+  if (c.all)
+    for (const std::size_t count : {3, 16, 33}) scenes.push_back({"few", count, 1, 50, 37, ""});
+  for (const SceneCase& s : scenes)
+    if (c.all || (s.count > 0 && s.count <= (c.quick ? 200 : 1000)))
+      for (const bool current : {false, true})
+        project_surfels_of(c, make_surfels(s, 21), make_camera(s, 21), {{}, current});
+  if (!c.all) return;
+  const SceneCase s{"", 100, 2, 64, 64, ""};
+  Gaussians g = make_surfels(s, 22);
+  for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= 0.2f * static_cast<float>(1 + i / 4);
+  ref::SurfelOptions o;
+  o.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
+  o.options.near = 1.5f;
+  project_surfels_of(c, g, make_camera(s, 22), o);
 }
 
 }  // namespace

@@ -51,9 +51,13 @@ void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity)
 }
 
 void rasterize_all(Checks& c) {
-  for (const int size : c.some({1, 7, 15, 16, 17, 31, 53})) rasterize_of(c, size, 40, 30, 0.8f);
-  for (const int count : c.some({1, 63, 64, 65, 257})) rasterize_of(c, 33, 20, count, 0.3f);
+  for (const int size : c.some({1, 7, 15, 16, 17, 31, 53}, {3})) rasterize_of(c, size, 40, 30, 0.8f);
+  for (const int count : c.some({1, 63, 64, 65, 257}, {0, 2, 255, 256, 600})) rasterize_of(c, 33, 20, count, 0.3f);
   rasterize_of(c, 48, 32, 400, 1.0f);
+  if (!c.all) return;
+  for (const int size : {1, 15, 17, 33}) rasterize_of(c, 40, size, 30, 0.8f);
+  rasterize_of(c, 33, 20, 65, 1.0f);
+  rasterize_of(c, 7, 3, 1, 0.5f);
 }
 
 }  // namespace
