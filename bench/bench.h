@@ -93,7 +93,7 @@ struct Result {
   std::optional<double> error;  // none where the result is only looked at
   std::map<std::string, double> reference;  // library -> median seconds
   std::map<std::string, double> stages;     // of a pass: shares of its time, "host" is what no kernel accounts for
-  std::vector<KernelTime> kernels;          // of a network and a step of training or refinement, most time first
+  std::vector<KernelTime> kernels;          // of a network and a step of training or fitting, most time first
   std::vector<StageTime> by_stage;          // of a network, most time first
 };
 

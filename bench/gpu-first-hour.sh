@@ -238,7 +238,7 @@ step_bench() {
   if [ -z "$suites" ]; then
     # What there is, in the words that refuse what there is not; the longest work first.
     there=$("$vsplat" bench none 2>&1 | sed -n 's/^.*not in {\(.*\)}.*$/\1/p' | tr ',' ' ')
-    for suite in model gemm conv3d attention render train refine $there; do
+    for suite in model gemm conv3d attention render train fit $there; do
       case " $there " in *" $suite "*) ;; *) continue ;; esac
       case " $suites " in *" $suite "*) ;; *) suites="$suites $suite" ;; esac
     done

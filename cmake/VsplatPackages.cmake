@@ -81,7 +81,7 @@ set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION}
 set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "${library_package}-data")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "python3-numpy")
 set(CPACK_DEBIAN_TOOLS_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: command
-The command vsplat: makes scenes of posed photographs, refines and draws them,
+The command vsplat: makes scenes of posed photographs, fits and draws them,
 makes data sets, trains and measures models, and measures itself. With a Python
 module in /usr/share/vsplat/python.")
 set(CPACK_DEBIAN_WINDOW_PACKAGE_SECTION graphics)

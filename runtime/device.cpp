@@ -202,8 +202,8 @@ void refuse_after_fork() {
   first_user.compare_exchange_strong(nobody, sys::process_id());
   if (is_forked())
     fail(Status::device,
-         "process {} has forked after it had used OpenCL, and its drivers do not live on in the child: fork before, or "
-         "start a program again there",
+         "process {} forked after it had used OpenCL, and OpenCL's drivers do not work in the child: fork before, or "
+         "start a new program there",
          static_cast<int>(first_user));
 }
 
@@ -251,13 +251,12 @@ DeviceInfo choose_device(const std::string& asked) {
   const std::vector<DeviceInfo> matching = that_match(spec, devices);
   if (!matching.empty() && (is_type(lower(spec)) || matching.size() == 1)) return matching.front();
   if (!matching.empty())
-    fail(Status::device, "\"{}\" ({}) is a part of the names of {} devices: which of them, by its index?{}", spec, from,
+    fail(Status::device, "\"{}\" ({}) is a part of the names of {} devices: choose one by its index{}", spec, from,
          matching.size(), menu(matching));
   const std::string missing = unusable_drivers();
   fail(Status::device,
-       "no device is \"{}\" ({}): neither an index, a platform:device, a type (cpu, gpu, acc) nor a part of the name "
-       "of a "
-       "device, its platform or its vendor. There are:{}{}",
+       "no device is \"{}\" ({}): it is neither an index, a platform:device, a type (cpu, gpu, acc) nor a part of the "
+       "name of a device, its platform or its vendor. The devices are:{}{}",
        spec, from, menu(devices), missing.empty() ? "" : "\nBesides, " + missing);
 }
 

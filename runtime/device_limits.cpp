@@ -12,9 +12,8 @@ namespace {
 
 [[noreturn]] void refuse(const std::string& part, const char* why) {
   fail(Status::usage,
-       "VSPLAT_LIMITS: \"{}\" {}. Expected are, with commas between them: group=ITEMS, local=BYTES, buffer=BYTES, "
-       "memory=BYTES (16K, 128M, 2G), align=BITS, size=32, fp64=0, fp16=0, subgroups=0, flops=OPERATIONS (2e10), "
-       "grid=GROUPS",
+       "VSPLAT_LIMITS: \"{}\" {}. Expected, separated by commas: group=ITEMS, local=BYTES, buffer=BYTES, memory=BYTES "
+       "(16K, 128M, 2G), align=BITS, size=32, fp64=0, fp16=0, subgroups=0, flops=OPERATIONS (2e10), grid=GROUPS",
        part, why);
 }
 

@@ -33,10 +33,9 @@ std::string name_of(const Looked& looked, const DriverEntry& entry) {
 
 // How to remove the entry.
 std::string without(const DriverEntry& entry) {
-  if (entry.file.empty()) return "take it out of that variable";
+  if (entry.file.empty()) return "remove it from that variable";
   return fmt::format(
-      "take the entry away (`mv {0} {0}.off`), or set OCL_ICD_VENDORS to a folder that holds copies of the other "
-      "entries",
+      "remove the entry (`mv {0} {0}.off`), or set OCL_ICD_VENDORS to a folder that holds copies of the other entries",
       entry.file);
 }
 
@@ -48,8 +47,8 @@ std::string entry_mend(const Looked& looked, const InstalledDriver& driver) {
                                 driver.path, driver.entry);
   if (!own)
     out += fmt::format(
-        "; where that folder cannot be written: into a file of that name in a folder of yours, with copies of what {} "
-        "holds, and set OCL_ICD_VENDORS to that folder",
+        "; if that folder cannot be written, use a file of that name in a folder of your own, with copies of the files "
+        "in {}, and set OCL_ICD_VENDORS to that folder",
         folder);
   if (!driver.found)
     out += fmt::format("; and add {} to LD_LIBRARY_PATH, since the system does not look for libraries there",
@@ -60,10 +59,10 @@ std::string entry_mend(const Looked& looked, const InstalledDriver& driver) {
 void look_at_place(const Looked& looked, Findings& out) {
   const DriverEntries& entries = looked.entries;
   if (!environment("OCL_ICD_FILENAMES").empty() && looked.loader.ocl_icd)
-    out.push_back({"variable_ignored", "OCL_ICD_FILENAMES",
-                   fmt::format("OCL_ICD_FILENAMES is set, but the loader here, {} (ocl-icd), does not heed it",
-                               looked.loader.path),
-                   "set OCL_ICD_VENDORS to the library's path instead, or to a folder of entries"});
+    out.push_back(
+        {"variable_ignored", "OCL_ICD_FILENAMES",
+         fmt::format("OCL_ICD_FILENAMES is set, but the loader here, {} (ocl-icd), ignores it", looked.loader.path),
+         "set OCL_ICD_VENDORS to the library's path instead, or to a folder of entries"});
   const std::string place =
       entries.variable.empty() ? entries.place : fmt::format("{}={}", entries.variable, printable(entries.place));
   std::error_code error;
@@ -77,7 +76,7 @@ void look_at_place(const Looked& looked, Findings& out) {
     std::string mend = "install a driver: of the GPU's vendor, or for a processor the Debian package pocl-opencl-icd";
     if (!looked.installed.empty()) mend = entry_mend(looked, looked.installed.front());
     out.push_back({"no_entry", entries.place,
-                   fmt::format("{} {}: no driver is named to the loader", place,
+                   fmt::format("{} {}: no entry names a driver to the loader", place,
                                entries.problem.empty() ? "holds no entry (*.icd)" : entries.problem),
                    mend});
   }
@@ -113,7 +112,7 @@ Finding not_loaded(const Looked& looked, const LookedDriver& driver) {
   return {
       "dependency_missing", name,
       fmt::format("{} names the library {}, which needs {}: that is not there", name, quoted(library), quoted(missing)),
-      there.empty() ? fmt::format("install what has {} (`apt-file search {}` tells the package), or {}", missing,
+      there.empty() ? fmt::format("install the package with {} (`apt-file search {}` finds it), or {}", missing,
                                   missing, without(driver.entry))
                     : fmt::format("it is at {}: add {} to LD_LIBRARY_PATH", there.front(),
                                   fs::path(there.front()).parent_path().string())};
@@ -141,9 +140,9 @@ void look_at_driver(const Looked& looked, const LookedDriver& driver, Findings& 
     case State::crashed:
       out.push_back(
           {"driver_crashes", name,
-           fmt::format("{} names the library {}, which crashes {} ({}){}: every program that uses OpenCL here "
-                       "ends with it",
-                       name, library, seen.doing, seen.error, said),
+           fmt::format(
+               "{} names the library {}, which crashes {} ({}){}: every program that uses OpenCL here crashes with it",
+               name, library, seen.doing, seen.error, said),
            "install another version of this driver; until then " + without(driver.entry)});
       break;
     case State::too_late:
@@ -298,9 +297,9 @@ void look_at_caches(const Looked& looked, Findings& out) {
     else if (cache.of == "vsplat" && !DiskCache().enabled())
       out.push_back({"cache_folder", cache.folder.path,
                      fmt::format("{}: others may write to this folder{}: no compiled kernel, self-test's verdict or "
-                                 "table of tuned parameters is taken from it or kept there",
+                                 "table of tuned parameters is read from it or stored there",
                                  cache.folder.path, from),
-                     fmt::format("`chmod go-w {}` where it is yours, or set {} to another", cache.folder.path, own)});
+                     fmt::format("`chmod go-w {}` if it is yours, or set {} to another", cache.folder.path, own)});
     for (const DamagedFile& file : cache.damaged)
       out.push_back(
           {"damaged_kernel", file.path,
@@ -321,16 +320,16 @@ void look_at_empty(const Looked& looked, Findings& out) {
     if (!gpu && !looked.devices.empty()) continue;
     const std::string name =
         driver.seen.platforms.empty() ? printable(driver.entry.library) : driver.seen.platforms[0].name;
-    std::string mend = "see that its GPU is there and that this user may open the device's files";
+    std::string mend = "check that its GPU is there and that this user may open the device's files";
     if (name == "rusticl")
       mend = "RUSTICL_ENABLE names the drivers that it may use: radeonsi, iris, nouveau; llvmpipe for a processor";
     if (name == "Portable Computing Language")
-      mend = "see that its folder for compiled kernels can be written (POCL_CACHE_DIR)";
+      mend = "check that its folder for compiled kernels can be written (POCL_CACHE_DIR)";
     for (const char* hides :
          {"CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES", "HIP_VISIBLE_DEVICES", "GPU_DEVICE_ORDINAL"})
       if (gpu && std::getenv(hides)) mend += fmt::format("; {}={} may hide it", hides, printable(environment(hides)));
     out.push_back({"no_devices", name_of(looked, driver.entry),
-                   fmt::format("{}: the driver {} is there and gives no device", name_of(looked, driver.entry), name),
+                   fmt::format("{}: the driver {} is there, but gives no device", name_of(looked, driver.entry), name),
                    mend});
   }
 }
@@ -343,7 +342,7 @@ void look_at_whole(const Looked& looked, Findings& out) {
         {"loader_fails", looked.loader.path,
          fmt::format("{}: the loader {} {} ({}), though each driver alone does not", looked.loader.path,
                      looked.all.state == State::crashed ? "crashes" : "hangs", looked.all.doing, looked.all.error),
-         "two drivers do not go together: set OCL_ICD_VENDORS to a folder with the entry of one of them"});
+         "two drivers do not work together: set OCL_ICD_VENDORS to a folder with the entry of one of them"});
   const std::string wanted = environment("VSPLAT_DEVICE");
   std::vector<DeviceInfo> devices;
   std::string names;
@@ -385,8 +384,8 @@ void look_at_verdicts(const Looked& looked, Findings& out) {
         out.push_back({"device_degraded", name,
                        fmt::format("{} computes some things wrongly, which are not used ({}), {}", with,
                                    in_words(verdict.off), test),
-                       "install another version of its driver, and run the self-test again; what is used meanwhile is "
-                       "right, and may be slower"});
+                       "install another version of its driver, and run the self-test again; until then, results are "
+                       "right, but may take longer"});
     }
 }
 

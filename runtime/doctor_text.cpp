@@ -107,7 +107,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis) {
   if (count == 0) return out + "\nNothing is wrong.\n";
   out += count == 1 ? "\n1 thing is wrong:\n" : fmt::format("\n{} things are wrong:\n", count);
   for (std::size_t i = 0; i < count; ++i)
-    out += fmt::format("{}. {}.\n   To mend it: {}.\n", i + 1, diagnosis.findings[i].found, diagnosis.findings[i].mend);
+    out += fmt::format("{}. {}.\n   To fix it: {}.\n", i + 1, diagnosis.findings[i].found, diagnosis.findings[i].mend);
   return out;
 }
 

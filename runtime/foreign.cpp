@@ -55,7 +55,7 @@ void check_image(Context& ctx, void* image, long width, long height, const std::
     const cl::Image2D theirs(static_cast<cl_mem>(image), true);
     check_context(ctx, theirs, "an image", what);
     if (theirs.getInfo<CL_MEM_TYPE>() != CL_MEM_OBJECT_IMAGE2D)
-      fail(Status::usage, "{} is an image of another kind than CL_MEM_OBJECT_IMAGE2D", what);
+      fail(Status::usage, "{} is an image of a kind other than CL_MEM_OBJECT_IMAGE2D", what);
     const auto there_width = theirs.getImageInfo<CL_IMAGE_WIDTH>(),
                there_height = theirs.getImageInfo<CL_IMAGE_HEIGHT>();
     if (static_cast<long>(there_width) != width || static_cast<long>(there_height) != height)
@@ -65,7 +65,7 @@ void check_image(Context& ctx, void* image, long width, long height, const std::
     const bool bytes =
         format.image_channel_data_type == CL_UNORM_INT8 || format.image_channel_data_type == CL_UNSIGNED_INT8;
     if (format.image_channel_order != CL_RGBA || !bytes)
-      fail(Status::usage, "{} is an image of another format than CL_RGBA with CL_UNORM_INT8 or CL_UNSIGNED_INT8", what);
+      fail(Status::usage, "{} is an image of a format other than CL_RGBA with CL_UNORM_INT8 or CL_UNSIGNED_INT8", what);
   });
 }
 

@@ -15,9 +15,9 @@ object() {
   data=$here/../data/$2
   shift 2
   "$vsplat" dataset info "$data" --sheet "$out/$name-in.png" --overwrite --quiet
-  for made in network refined; do
+  for made in network fitted; do
     refine=
-    if [ $made = refined ]; then refine=--refine; fi
+    if [ $made = fitted ]; then refine=--refine; fi
     # shellcheck disable=SC2086  # an option or none
     "$vsplat" reconstruct "$data" $refine --output "$work/$name-$made.ply" --render orbit:48 --size 256x256 \
       --turntable "$out/$name-$made.webp" --quality 80 --overwrite --quiet

@@ -48,7 +48,7 @@ Distortion lens_of(const vsplat_camera& camera, const char* what) {
   const std::size_t count = out.model == Distortion::Model::none ? 0 : out.model == Distortion::Model::opencv ? 8 : 4;
   for (std::size_t i = 0; i < std::size(camera.lens_values); ++i) {
     if (i >= count && camera.lens_values[i] != 0)
-      fail(Status::usage, "{}.lens_values[{}] is {}: the lens has {} values, and zeros behind them", what, i,
+      fail(Status::usage, "{}.lens_values[{}] is {}: the lens has {} values, and the rest must be 0", what, i,
            camera.lens_values[i], count);
     out.k[i] = camera.lens_values[i];
   }
@@ -170,8 +170,8 @@ vsplat_status vsplat_camera_look_at(const double* eye, const double* target, con
     const double across = (at - from).cross(upwards).norm();
     if (!(across > 1e-9 * (at - from).norm() * upwards.norm()) || !std::isfinite(across))
       fail(Status::input,
-           "a camera at {}, {}, {} that looks at {}, {}, {} with {}, {}, {} upwards: two places, and a direction that "
-           "does not lie along the view, are expected",
+           "a camera at {}, {}, {} that looks at {}, {}, {} with {}, {}, {} upwards: two different places, and an "
+           "upward direction that is not along the view, are expected",
            eye[0], eye[1], eye[2], target[0], target[1], target[2], up[0], up[1], up[2]);
     const Eigen::Matrix4d w2c = look_at(from, at, upwards);
     for (int i = 0; i < 16; ++i) turned.w2c[i] = w2c(i / 4, i % 4);

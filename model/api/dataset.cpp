@@ -171,7 +171,7 @@ vsplat_status vsplat_dataset_get_picture(vsplat_dataset dataset, size_t index, i
     if (side < 1 || side > 8192) fail(Status::usage, "side is {}: 1 to 8192 is possible", side);
     const std::size_t count = static_cast<std::size_t>(side) * side * 3;
     if (capacity < count) fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, count);
-    const FrameRequest request{side, Fit::automatic, {}};
+    const FrameRequest request{side, Crop::automatic, {}};
     std::vector<std::string> skipped;
     const FramedObject framed = frame_object(object, request, &skipped);
     if (view < 0 || view >= framed.views())

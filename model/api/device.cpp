@@ -85,9 +85,10 @@ DeviceUse::DeviceUse(vsplat_device device) : device_(device), of_job_(JobQueue::
   if (of_job_) return;
   refuse_after_fork();
   if (device->in_use.test_and_set(std::memory_order_acquire))
-    fail(Status::busy,
-         "the device is in use by another call: of another thread, or the one whose callback makes this one; open "
-         "one, or a stream (vsplat_stream_create), for each thread, and call after the other has returned");
+    fail(
+        Status::busy,
+        "the device is in use by another call, either of another thread or the one whose callback makes this call; "
+        "open a device or a stream (vsplat_stream_create) for each thread, and call after the other call has returned");
   device->context.go_on();  // clears a stop requested for an earlier call
 }
 

@@ -83,7 +83,8 @@ double drawn_pixels(const Camera& view, const RenderOptions& how) {
 RenderOptions derived_as(const vsplat_render_options& o, const Scene& scene) {
   if (o.supersample > 1)
     fail(Status::usage,
-         "vsplat_render_options.supersample is {}: derivatives are those of a picture without, 0 or 1 is expected",
+         "vsplat_render_options.supersample is {}: 0 or 1 is expected, since derivatives need a picture without "
+         "supersampling",
          o.supersample);
   return options_of(o, scene);
 }

@@ -47,7 +47,7 @@ std::vector<Lpips> load_lpips(Context& ctx, const std::string& folder) {
     if (std::filesystem::exists(path, ignored)) out.emplace_back(ctx, path.string(), net);
   }
   if (out.empty())
-    fail(Status::file, "{}: neither alex.safetensors nor vgg.safetensors is there, the weights of LPIPS", folder);
+    fail(Status::file, "{}: has neither alex.safetensors nor vgg.safetensors, the weights of LPIPS", folder);
   return out;
 }
 
@@ -98,7 +98,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
            o.picture_size);
     how.request = {protocol_of(o.protocol), o.seed,
                    o.picture_size,          o.view_count,
-                   fit_of(o.fit),           placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
+                   crop_of(o.crop),         placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
     how.refine = o.refine != 0;

@@ -38,7 +38,7 @@ VSPLAT_HANDLE(vsplat_input_impl);
 VSPLAT_HANDLE(vsplat_job_impl);
 VSPLAT_HANDLE(vsplat_mesh_impl);
 VSPLAT_HANDLE(vsplat_model_impl);
-VSPLAT_HANDLE(vsplat_refinement_impl);
+VSPLAT_HANDLE(vsplat_fit_impl);
 VSPLAT_HANDLE(vsplat_scene_impl);
 VSPLAT_HANDLE(vsplat_sheet_impl);
 VSPLAT_HANDLE(vsplat_views_impl);

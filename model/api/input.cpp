@@ -29,8 +29,8 @@ class Rows {
         data_(static_cast<const unsigned char*>(view.pixels ? view.pixels : view.data)),
         type_(view.pixels ? static_cast<int>(VSPLAT_PIXELS_F32) : value_of(view.type)) {
     if ((view.pixels != nullptr) == (view.data != nullptr))
-      fail(Status::usage, "{}: one of pixels and data is expected, {}", where,
-           view.pixels ? "both are there" : "both are null");
+      fail(Status::usage, "{}: exactly one of pixels and data is expected, {}", where,
+           view.pixels ? "both are set" : "both are null");
     if (view.channels != 3 && view.channels != 4)
       fail(Status::usage, "{}.channels is {}: 3 (RGB) or 4 (RGBA) expected", where, view.channels);
     if (type_ != VSPLAT_PIXELS_F32 && type_ != VSPLAT_PIXELS_F16 && type_ != VSPLAT_PIXELS_U8)
@@ -87,9 +87,8 @@ void take_pixels(const Rows& from, const std::string& where, Image& to) {
       const size_t channels = static_cast<size_t>(to.channels), pixel = i / channels;
       const size_t width = static_cast<size_t>(to.width);
       fail(Status::input,
-           "{}.{}: pixel {}, {} of channel {} is {}: 0 to 1 expected (what is stored in 8 bits is VSPLAT_PIXELS_U8 "
-           "data, "
-           "or divided by 255)",
+           "{}.{}: pixel {}, {} of channel {} is {}: 0 to 1 expected (pass 8-bit values as VSPLAT_PIXELS_U8 data, or "
+           "divide them by 255)",
            where, from.field(), pixel % width, pixel / width, i % channels, value);
     }
     to.data[i] = std::clamp(value, 0.0f, 1.0f);
@@ -203,18 +202,18 @@ vsplat_status vsplat_views_get_files(vsplat_views views, char** out_text) {
   });
 }
 
-Fit vsplat::api::fit_of(const vsplat_fit& fit) {
-  switch (value_of(fit)) {
-    case VSPLAT_FIT_AUTO:
-      return Fit::automatic;
-    case VSPLAT_FIT_OBJECT:
-      return Fit::object;
-    case VSPLAT_FIT_CROP:
-      return Fit::crop;
-    case VSPLAT_FIT_PAD:
-      return Fit::pad;
+Crop vsplat::api::crop_of(const vsplat_crop& crop) {
+  switch (value_of(crop)) {
+    case VSPLAT_CROP_AUTO:
+      return Crop::automatic;
+    case VSPLAT_CROP_OBJECT:
+      return Crop::object;
+    case VSPLAT_CROP_CROP:
+      return Crop::crop;
+    case VSPLAT_CROP_PAD:
+      return Crop::pad;
   }
-  fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", value_of(fit));
+  fail(Status::usage, "options.crop is {}, not a value of vsplat_crop", value_of(crop));
 }
 
 std::vector<std::string> vsplat::api::names_of(const char* const* names, size_t count, const std::string& what) {
@@ -261,12 +260,13 @@ InputRequest vsplat::api::request_of(const vsplat_input_options& o) {
   InputRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
   out.placement = placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0);
-  out.fit = fit_of(o.fit);
+  out.crop = crop_of(o.crop);
   out.force = o.force != 0;
   if (o.view_count < 0 || o.view_count > max_views)
     fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", o.view_count, max_views);
   if (o.view_count != 0 && o.num_names != 0)
-    fail(Status::usage, "vsplat_input_options.view_count is of no use beside vsplat_input_options.names: give one");
+    fail(Status::usage,
+         "vsplat_input_options.view_count and vsplat_input_options.names are both set: give one of them");
   out.view_count = o.view_count;
   return out;
 }

@@ -66,7 +66,7 @@ void plan_fit_step(const Context& ctx, const Gaussians& start, const FitOptions&
   move(*planner, exposure, 1e-3);
 }
 
-void plan_refinement(const Context& ctx) {
+void plan_fitting(const Context& ctx) {
   Gaussians start;
   start.count = 1;
   start.sh_degree = 3;
@@ -116,6 +116,6 @@ std::uint32_t vsplat::api::checked_jobs(std::uint32_t jobs, std::uint32_t usual,
 void vsplat::api::plan_job(Context& planner, vsplat_model model, vsplat_program_jobs job) {
   if (job == VSPLAT_PROGRAMS_OF_RECONSTRUCT) plan_reconstruction(planner, model);
   if (job == VSPLAT_PROGRAMS_OF_RENDER) plan_all_drawing(planner);
-  if (job == VSPLAT_PROGRAMS_OF_REFINE) plan_refinement(planner);
+  if (job == VSPLAT_PROGRAMS_OF_FIT) plan_fitting(planner);
   if (job == VSPLAT_PROGRAMS_OF_TRAIN) plan_training(planner, config_of(model));
 }

@@ -13,7 +13,7 @@ struct PlannedJob {
 };
 constexpr std::array<PlannedJob, 4> kPlannedJobs = {{{VSPLAT_PROGRAMS_OF_RECONSTRUCT, "reconstruct"},
                                                      {VSPLAT_PROGRAMS_OF_RENDER, "render"},
-                                                     {VSPLAT_PROGRAMS_OF_REFINE, "refine"},
+                                                     {VSPLAT_PROGRAMS_OF_FIT, "fit"},
                                                      {VSPLAT_PROGRAMS_OF_TRAIN, "train"}}};
 
 // The jobs that options name, or `usual` if they name none. Checked; Error(usage) if one of them needs a model and

@@ -124,7 +124,7 @@ void JobQueue::watch_this_thread() {
 
 void JobQueue::start_thread(vsplat_device device) {
   const std::lock_guard lock(all().mutex);
-  if (all().leaving) fail(Status::cancelled, "the process exits: no job begins any more");
+  if (all().leaving) fail(Status::cancelled, "the process is exiting: no job can begin any more");
   // Registered for each thread, so that it runs before what this device's driver has registered by now.
   if (std::atexit(end_all) != 0) fail(Status::memory, "not enough host memory");
   all().serving.insert(state_);
@@ -142,10 +142,10 @@ void JobQueue::add(vsplat_device device, vsplat_job job) {
   const std::lock_guard lock(state_->mutex);
   // From the first job to the last, the jobs hold the device.
   if (state_->jobs.empty() && device->in_use.test_and_set(std::memory_order_acquire))
-    fail(Status::busy, "the device is in use by another call; a job begins where none has it");
+    fail(Status::busy, "the device is in use by another call; a job can begin only when no call uses it");
   try {
     if (!thread_.joinable()) start_thread(device);
-    if (state_->ends) fail(Status::cancelled, "the process exits: no job begins any more");
+    if (state_->ends) fail(Status::cancelled, "the process is exiting: no job can begin any more");
     state_->jobs.push_back(job);
   } catch (...) {
     if (state_->jobs.empty()) device->in_use.clear(std::memory_order_release);

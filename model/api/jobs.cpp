@@ -114,7 +114,7 @@ vsplat_status vsplat_job_wait(vsplat_job job, double seconds, vsplat_job_state* 
     const auto has_ended = [&] { return job->state != VSPLAT_JOB_QUEUED && job->state != VSPLAT_JOB_RUNNING; };
     const bool on_its_thread = JobQueue::is_on_thread_of(job->device.get());
     if (seconds != 0 && !has_ended() && on_its_thread)
-      fail(Status::busy, "the job waits for this callback to return: it is one of the same device's");
+      fail(Status::busy, "the job waits for this callback to return, since both belong to the same device");
     // The caller may free what on_end uses once this returns, so wait for on_end too; a job's own callback cannot wait
     // for itself.
     const auto is_over = [&] { return has_ended() && (on_its_thread || job->told_its_end); };

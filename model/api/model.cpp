@@ -123,7 +123,7 @@ void save_as(vsplat_model model, const std::string& path, const vsplat_dtype& dt
 
 const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
   if (const auto* own = std::get_if<ModelFile>(model->file.get())) return *own;
-  fail(Status::usage, "{}the model is of {}, and this takes one of {}",
+  fail(Status::usage, "{}the model is of {}, but this call needs a model of {}",
        model->path.empty() ? "" : printable(model->path) + ": ", network_of(*model->file), VsplatSystem::network);
 }
 

@@ -112,7 +112,7 @@ Tensor given_to(Context& ctx, cl_mem buffer, const Shape& shape, const char* wha
 DeviceGaussians whole_on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {
   const GaussianChunks& there = on_device(device, scene, pixels);
   if (there.chunks() > 1)
-    fail(Status::memory, "the scene's {} Gaussians do not lie on the device whole: in parts of {}", there.count,
+    fail(Status::memory, "the scene's {} Gaussians are not on the device as a whole, only in parts of {}", there.count,
          there.chunk);
   return there.get(device->context, 0);
 }
@@ -129,7 +129,7 @@ void refuse_aliases(const vsplat_opencl_picture& by, const vsplat_opencl_gaussia
   outputs.add(to.rotations, {n, 4}, "out.rotations");
   outputs.add(to.opacities, {n}, "out.opacities");
   outputs.add(to.sh, sh_shape(g), "out.sh");
-  if (!outputs.any()) fail(Status::usage, "out: every buffer is null: there is nothing to derive by");
+  if (!outputs.any()) fail(Status::usage, "out: every buffer is null: there is no gradient to compute");
   outputs.refuse_shared();
   outputs.refuse_input(by.colour, {h, w, 3}, "gradient.colour");
   outputs.refuse_input(by.alpha, {h, w}, "gradient.alpha");

@@ -19,7 +19,7 @@ std::optional<Peaks> peaks_if_any(Context& ctx, const Profile& profile) {
   try {
     return peaks_of(ctx, gflops_seen(profile));
   } catch (const Error& e) {
-    warn("the profile has no shares of what the device can do at the most: {}", e.what());
+    warn("the profile has no shares of the device's peak rates: {}", e.what());
     return std::nullopt;
   }
 }

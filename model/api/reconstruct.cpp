@@ -19,7 +19,8 @@ namespace {
 
 std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o, long voxels) {
   need_array(o.voxels, o.num_voxels, "options.voxels");
-  if (o.selection && o.voxels) fail(Status::usage, "options has both a list and a file of voxels");
+  if (o.selection && o.voxels)
+    fail(Status::usage, "options.selection (a file) and options.voxels (a list) are both set: give one of them");
   if (o.selection) return read_selection(o.selection, voxels);
   if (!o.voxels) return std::nullopt;
   for (size_t i = 0; i < o.num_voxels; ++i)
@@ -50,10 +51,10 @@ long made_of(const GendenConfig& config, long selected) { return densified_count
 // Refuses options that only VS-Splat supports. (GenDen takes the seed for the order of its curves.)
 void refuse_selection(const vsplat_reconstruct_options& o, const AnyConfig& config) {
   if (o.selection || o.voxels)
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are of {}",
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are options of {}",
          config.network(), VsplatSystem::network);
   if (o.has_seed && !config.get_if<GendenConfig>())
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed is of {}", config.network(),
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed is an option of {}", config.network(),
          VsplatSystem::network);
 }
 

@@ -122,7 +122,7 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
     shot.add_to(outputs);
     outputs.refuse_shared();
     if (shot.picture.ids && drawn_scene->gaussians.kind == GaussianKind::surfel)
-      fail(Status::usage, "{}.ids: the scene's Gaussians are surfels, and ids are those of volumes", shot.what);
+      fail(Status::usage, "{}.ids: the scene's Gaussians are surfels, but ids exist only for volumes", shot.what);
     views.push_back(in_frame(*drawn_scene, shot.camera));
     how.push_back(drawn_as(o, *drawn_scene, views.back()));
     most = std::max(most, drawn_pixels(views.back(), how.back()));

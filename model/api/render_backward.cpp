@@ -48,7 +48,7 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
     add_to(outputs, a, g.count, g.sh_degree, "arrays");
     outputs.add(out_pose, 6 * sizeof *out_pose, "out_pose");
     if (!a.means && !a.scales && !a.rotations && !a.opacities && !a.sh && !out_pose)
-      fail(Status::usage, "arrays and out_pose are null: there is nothing to derive by");
+      fail(Status::usage, "arrays and out_pose are null: there is no gradient to compute");
     outputs.refuse_shared();
     const RenderOptions how = derived_as(o, *seen);
     if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");

@@ -133,7 +133,7 @@ vsplat_status vsplat_scene_load_with(const char* path, const vsplat_scene_load_o
     const vsplat_scene_load_options o = taken(options, VSPLAT_SCENE_LOAD_OPTIONS_INIT, "options");
     auto scene = std::make_unique<vsplat_scene_impl>();
     if (std::string_view(path) == "-")
-      fail(Status::file, "-: a scene is read from a file, not from the standard input: write it to one first");
+      fail(Status::file, "-: a scene cannot be read from the standard input: write it to a file first");
     scene->become(std::make_shared<const Scene>(read_ply(path, o.skip_bad ? &scene->skipped : nullptr)));
     *out_scene = scene.release();
   });

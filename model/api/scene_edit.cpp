@@ -15,7 +15,7 @@ Similarity similarity_of(const double* transform) {
   Eigen::Matrix4d m;
   for (int i = 0; i < 16; ++i) m(i / 4, i % 4) = transform[i];
   if (!m.allFinite() || m.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
-    fail(Status::input, "transform: its last row is {} {} {} {}: finite numbers, and 0 0 0 1 in that row, expected",
+    fail(Status::input, "transform: its last row is {} {} {} {}: 0 0 0 1 expected there, and finite numbers everywhere",
          m(3, 0), m(3, 1), m(3, 2), m(3, 3));
   return Similarity::from_matrix(m);
 }
@@ -28,7 +28,7 @@ void edit(vsplat_scene scene, const F& change) {
   const Gaussians& g = made->gaussians;
   for (const std::vector<float>* values : {&g.means, &g.scales})
     for (const float v : *values)
-      if (!std::isfinite(v)) fail(Status::input, "transform: it moves a Gaussian to where floats do not reach");
+      if (!std::isfinite(v)) fail(Status::input, "transform: it moves a Gaussian beyond the range of floats");
   if (!(made->offset.cwiseAbs().maxCoeff() <= kFarthestOffset))
     fail(Status::input, "transform: it moves the scene's offset to {} {} {}: at most {} either way expected",
          made->offset.x(), made->offset.y(), made->offset.z(), kFarthestOffset);
@@ -78,7 +78,7 @@ vsplat_status vsplat_scene_crop(vsplat_scene scene, const double low[3], const d
     need(high, "high");
     for (int c = 0; c < 3; ++c)
       if (!(low[c] <= high[c]))
-        fail(Status::usage, "low[{0}] is {1} and high[{0}] {2}: a box expected", c, low[c], high[c]);
+        fail(Status::usage, "low[{0}] is {1} and high[{0}] is {2}: low must be at most high", c, low[c], high[c]);
     edit(scene, [&](Scene& s) {
       const Gaussians& g = s.gaussians;
       keep(s.gaussians, [&](std::size_t k) {

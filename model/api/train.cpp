@@ -56,10 +56,10 @@ DataSet data_of(const vsplat_train_options& o, const std::vector<TrainConfig>& s
   need_array(o.data, o.num_data, "options.data");
   if (o.num_data == 0 && any([](const TrainConfig& stage) { return stage.procedural < 1; }))
     fail(Status::usage,
-         "no vsplat_train_options.data: a data set is needed, but where the configuration's procedural is 1");
+         "no vsplat_train_options.data: a data set is needed unless the configuration's procedural is 1");
   if (o.textures && !any([](const TrainConfig& stage) { return stage.procedural > 0 || stage.rooms > 0; }))
     fail(Status::usage,
-         "vsplat_train_options.textures changes nothing where the configuration's procedural and rooms are 0: no "
+         "vsplat_train_options.textures changes nothing if the configuration's procedural and rooms are 0: no "
          "procedural object and no room is drawn");
   if (o.num_data == 0) return {};
   std::vector<std::string> out;

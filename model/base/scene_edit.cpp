@@ -61,14 +61,15 @@ void append(Scene& to, const Scene& other, const Similarity& move) {
   if (other.gaussians.count == 0) return;
   if (to.gaussians.kind != other.gaussians.kind)
     fail(Status::input,
-         "one scene has surfels and the other has volumes: vsplat_scene_surfels_to_gaussians makes volumes of surfels");
+         "one scene has surfels and the other has volumes: vsplat_scene_surfels_to_gaussians turns surfels into "
+         "volumes");
   if (to.gaussians.count + other.gaussians.count > INT32_MAX)
     fail(Status::usage, "{} and {} Gaussians are more than {}", to.gaussians.count, other.gaussians.count, INT32_MAX);
   move_to(more, move, to.offset);
   if (to.mirror != more.mirror) {
     warn(
-        "scenes with different mirror points in one: colours that depend on the direction are those of the direction "
-        "from now on, and change where a Gaussian lies far from its scene's mirror point");
+        "the scenes have different mirror points: from now on, view-dependent colours follow the viewing direction "
+        "itself, and they change for Gaussians far from their scene's mirror point");
     drop_mirror(to);
     drop_mirror(more);
   }

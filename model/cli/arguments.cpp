@@ -54,7 +54,7 @@ std::string letters_of(const std::string& word) {
   return word.substr(std::min(word.find_first_not_of('-'), word.size()));
 }
 
-// Other programs' names for options of some commands; "" stands for the positional argument.
+// Earlier names and other programs' names for options of some commands; "" stands for the positional argument.
 struct CommonName {
   const char *name, *here;
 };
@@ -71,7 +71,8 @@ constexpr CommonName common_names[] = {{"--out", "--output"},
                                        {"--num-iters", "--steps"},
                                        {"--max-steps", "--steps"},
                                        {"--max-splats", "--max-gaussians"},
-                                       {"--centre", "--center"}};
+                                       {"--centre", "--center"},
+                                       {"--fit", "--crop"}};
 
 bool has_option(const CLI::App& app, const std::string& name) { return app.get_option_no_throw(name) != nullptr; }
 
@@ -260,7 +261,9 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
   const CLI::App* scope = &app;
   std::vector<std::string> out;
   bool options_end = false;
-  for (const std::string& argument : arguments) {
+  for (std::string argument : arguments) {
+    const bool is_command = out.empty() || (out.size() == 1 && out[0] == "help");
+    if (is_command && argument == "refine") argument = "fit";  // its earlier name
     options_end = options_end || argument == "--";
     if (const CLI::App* sub = options_end ? nullptr : subcommand(*scope, argument)) scope = sub;
     const std::size_t equals = argument.find('=');

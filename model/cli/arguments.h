@@ -51,8 +51,9 @@ CameraChoice camera_choice(const std::string& option, const std::string& text);
 // Turns "--center -1,2,3" into "--center=-1,2,3", since a value may begin with a minus.
 std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments);
 
-// Replaces other programs' names of options ("--out", "--iterations") by the sub-command's own, and drops "--input"
-// before an argument that is positional here. Only where the sub-command lacks the foreign name and has its own.
+// Replaces earlier names ("refine", "--fit") and other programs' names of options ("--out", "--iterations") by those of
+// this command, and drops "--input" before an argument that is positional here. Options are replaced only where the
+// sub-command lacks the foreign name and has its own.
 std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vector<std::string>& arguments);
 
 // UsageError for an empty value: most likely a script's variable that is not set, which must not count as "not given".

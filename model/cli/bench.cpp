@@ -181,7 +181,7 @@ void add_bench(CLI::App& app, Run& run) {
       "  vsplat bench model --run paper --compare before.json --fail-above 5%\n"
       "  vsplat bench render --run small\n"
       "  vsplat bench train --run network\n"
-      "  vsplat bench refine --run object\n"
+      "  vsplat bench fit --run object\n"
       "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and "
       "backward\n"
       "(which draws once more). A frame is timed from the call until the device is done, by 8 cameras in turn; the "
@@ -193,7 +193,7 @@ void add_bench(CLI::App& app, Run& run) {
       "could be done in. A case takes --seconds, or three runs, but no more than 30 times as long.\n"
       "Every case's result is checked before it is timed, of most single operations only that there is one; the peaks\n"
       "are measured in the same run.\n"
-      "Suites: gemm, conv3d, render, train, refine, model, sparse, and of single operations:\n" +
+      "Suites: gemm, conv3d, render, train, fit, model, sparse, and of single operations:\n" +
       lines_of(vsplat::bench::operation_names()));
   sub->callback([o, &run] { run = [o] { bench(*o); }; });
 }

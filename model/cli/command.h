@@ -106,7 +106,7 @@ void add_selftest(CLI::App& app, Run& run);
 void add_init(CLI::App& app, Run& run);
 void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
-void add_refine(CLI::App& app, Run& run);
+void add_fit(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
 void add_scene_convert(CLI::App& app, Run& run);  // convert
 void add_bench(CLI::App& app, Run& run);

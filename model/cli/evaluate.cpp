@@ -245,7 +245,7 @@ void add_evaluate(CLI::App& app, Run& run) {
   sub->add_option("--sheet", o->sheet, "Best, median and worst object: inputs, truth, coarse level, result in rows")
       ->type_name("FILE.png");
   sub->add_flag("--refine", o->refine,
-                "Measure the scene moved towards the inputs, and them alone, as `vsplat refine --start network` does");
+                "Measure the scene fitted to the inputs, and to them alone, as `vsplat fit --start network` does");
   sub->add_option("--pose-noise", o->pose_noise,
                   "Tell the network of the inputs but the first poses with noise: turned and moved about the object, "
                   "by normal numbers of this deviation, in radians and edges of its cube")

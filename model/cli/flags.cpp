@@ -2,7 +2,7 @@
 
 #include <vsplat/dataset.h>
 #include <vsplat/evaluate.h>
-#include <vsplat/refine.h>
+#include <vsplat/fit.h>
 #include <vsplat/train.h>
 #include <vsplat/tune.h>
 #include <vsplat/vsplat.h>
@@ -53,14 +53,14 @@ constexpr Flag flags[] = {
     FIELD(vsplat_reconstruct_options, assume_selected, "--assume-selected"),
     FIELD(vsplat_reconstruct_options, seed, "--selection-seed"),
     FIELD(vsplat_reconstruct_options, selection, "--selection"),
-    FIELD(vsplat_refine_options, checkpoint, "--checkpoint"),
-    FIELD(vsplat_refine_options, freeze, "--freeze"),
-    FIELD(vsplat_refine_options, holdout_count, "--holdout"),
-    FIELD(vsplat_refine_options, holdout_names, "--holdout"),
-    FIELD(vsplat_refine_options, longest, "--size"),
-    FIELD(vsplat_refine_options, max_gaussians, "--max-gaussians"),
-    FIELD(vsplat_refine_options, names, "--views"),
-    FIELD(vsplat_refine_options, resume, "--resume"),
+    FIELD(vsplat_fit_options, checkpoint, "--checkpoint"),
+    FIELD(vsplat_fit_options, freeze, "--freeze"),
+    FIELD(vsplat_fit_options, holdout_count, "--holdout"),
+    FIELD(vsplat_fit_options, holdout_names, "--holdout"),
+    FIELD(vsplat_fit_options, longest, "--size"),
+    FIELD(vsplat_fit_options, max_gaussians, "--max-gaussians"),
+    FIELD(vsplat_fit_options, names, "--views"),
+    FIELD(vsplat_fit_options, resume, "--resume"),
     FIELD(vsplat_render_options, supersample, "--supersample"),
     FIELD(vsplat_scene_load_options, skip_bad, "--skip-bad"),
     FIELD(vsplat_train_options, assume_selected, "--assume-selected"),

@@ -16,12 +16,12 @@ uint32_t jobs_of(const std::string& option, const std::string& text) {
       out |= VSPLAT_PROGRAMS_OF_RECONSTRUCT;
     else if (word == "render")
       out |= VSPLAT_PROGRAMS_OF_RENDER;
-    else if (word == "refine")
-      out |= VSPLAT_PROGRAMS_OF_REFINE;
+    else if (word == "fit" || word == "refine")  // the earlier name
+      out |= VSPLAT_PROGRAMS_OF_FIT;
     else if (word == "train")
       out |= VSPLAT_PROGRAMS_OF_TRAIN;
     else
-      throw UsageError(option + ": \"" + word + "\" is none of reconstruct, render, refine and train");
+      throw UsageError(option + ": \"" + word + "\" is none of reconstruct, render, fit and train");
   }
   return out;
 }

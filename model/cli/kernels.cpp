@@ -18,7 +18,7 @@ using Json = nlohmann::ordered_json;
 
 struct KernelsOptions {
   Common common;
-  std::string folder, model, jobs = "reconstruct,render,refine,train", flavour = "gpu";
+  std::string folder, model, jobs = "reconstruct,render,fit,train", flavour = "gpu";
   bool no_build = false;
 };
 
@@ -185,7 +185,7 @@ void add_kernels(CLI::App& app, Run& run) {
       ->type_name("DIR");
   sub->add_option("--model", o->model, "Whose sizes decide what is launched (default: the model inside)")
       ->type_name("MODEL.safetensors");
-  sub->add_option("--for", o->jobs, "What launches them (default: all of reconstruct,render,refine,train)")
+  sub->add_option("--for", o->jobs, "What launches them (default: all of reconstruct,render,fit,train)")
       ->type_name("JOBS");
   sub->add_option("--flavour", o->flavour, "Of the dense kernels: gpu, cpu or all (default: gpu)")
       ->check(one_of({"gpu", "cpu", "all"}))

@@ -59,13 +59,13 @@ int main(int argc, char** argv) {
       "  vsplat devices                                   what there is to compute on\n"
       "  vsplat doctor                                    why there is no device, and what to do\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
-      "  vsplat refine photos/ --start scene.ply --output sharp.ply\n"
+      "  vsplat fit photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
       "  vsplat-window scene.ply                          shows it, turned with the mouse (where SDL is installed)\n"
       "`vsplat help COMMAND` and `vsplat COMMAND --help` tell all of a command's options, with examples.");
   command::Run run;
   command::add_reconstruct(app, run);
-  command::add_refine(app, run);
+  command::add_fit(app, run);
   command::add_render(app, run);
   command::add_scene_convert(app, run);
   command::add_init(app, run);

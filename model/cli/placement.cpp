@@ -33,7 +33,7 @@ void add_placement_options(CLI::App& app, PlacementOptions& o) {
          "Estimate what is not given even where the file says it: from COLMAP's points, else from masks, else from "
          "the cameras' axes")
       ->group(placement_group);
-  app.add_option("--fit", o.fit,
+  app.add_option("--crop", o.crop,
                  "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "
                  "square, pad adds white, auto resamples square ones and treats others as object")
       ->check(one_of({"auto", "object", "crop", "pad"}))
@@ -41,11 +41,11 @@ void add_placement_options(CLI::App& app, PlacementOptions& o) {
       ->group(placement_group);
 }
 
-vsplat_fit fit_of(const PlacementOptions& options) {
-  return options.fit == "object" ? VSPLAT_FIT_OBJECT
-         : options.fit == "crop" ? VSPLAT_FIT_CROP
-         : options.fit == "pad"  ? VSPLAT_FIT_PAD
-                                 : VSPLAT_FIT_AUTO;
+vsplat_crop crop_of(const PlacementOptions& options) {
+  return options.crop == "object" ? VSPLAT_CROP_OBJECT
+         : options.crop == "crop" ? VSPLAT_CROP_CROP
+         : options.crop == "pad"  ? VSPLAT_CROP_PAD
+                                  : VSPLAT_CROP_AUTO;
 }
 
 }  // namespace command

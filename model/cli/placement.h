@@ -10,7 +10,7 @@
 namespace command {
 
 struct PlacementOptions {
-  std::string center, scale, fit = "auto";
+  std::string center, scale, crop = "auto";
   bool auto_frame = false;
 };
 
@@ -21,7 +21,7 @@ void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad);
 vsplat_views_options views_options(const std::string& pictures, bool skip_bad, bool named);
 
 void add_placement_options(CLI::App& app, PlacementOptions& options);
-vsplat_fit fit_of(const PlacementOptions& options);
+vsplat_crop crop_of(const PlacementOptions& options);
 
 // Sets the fields that vsplat_input_options and vsplat_evaluate_options share.
 template <class Options>
@@ -33,7 +33,7 @@ void set_placement(const PlacementOptions& from, Options& out) {
   }
   if (!from.scale.empty()) out.scale = positive_number("--scale", from.scale, "edge length in world units");
   out.auto_frame = from.auto_frame;
-  out.fit = fit_of(from);
+  out.crop = crop_of(from);
 }
 
 }  // namespace command

@@ -4,10 +4,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "fit_job.h"
 #include "pictures.h"
 #include "placement.h"
 #include "reconstruct_list.h"
-#include "refinement.h"
 #include "scene_file.h"
 
 namespace command {
@@ -21,12 +21,12 @@ struct ReconstructOptions {
   std::string selection, selection_seed, assume_selected;
   int view_count = 0;  // 0: the model's
   bool force = false, dry_run = false, refine = false;
-  RefineOptions refined;
+  FitOptions fit;
   std::string list;
   bool skip_existing = false;
 };
 
-constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-sheet", "--refine-time"};
+constexpr FitNames fit_names{"--refine-steps", "--refine-size", "--refine-sheet", "--refine-time"};
 
 // Options, parsed and checked against each other before anything is opened.
 struct Request {
@@ -38,7 +38,7 @@ struct Request {
   vsplat_views_options views = VSPLAT_VIEWS_OPTIONS_INIT;
   vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
   vsplat_reconstruct_options run = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
-  std::optional<RefineJob> refinement;
+  std::optional<FitJob> fit;
 };
 
 Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
@@ -61,12 +61,11 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   input.view_count = o.view_count;
   set_placement(o.placement, input);
   input.force = o.force;
-  if (!o.refine &&
-      !(o.refined.steps.empty() && o.refined.size.empty() && o.refined.sheet.empty() && o.refined.seconds.empty()))
+  if (!o.refine && !(o.fit.steps.empty() && o.fit.size.empty() && o.fit.sheet.empty() && o.fit.seconds.empty()))
     throw UsageError("--refine-steps, --refine-time, --refine-size and --refine-sheet need --refine");
   if (o.refine && !o.selection.empty())
     throw UsageError("--selection is of one set of views, and --refine asks the network about others, too");
-  if (o.refine) refinement.emplace(o.refined, refine_names);
+  if (o.refine) fit.emplace(o.fit, fit_names);
   run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   if (!o.selection_seed.empty()) {
     if (run.selection) throw UsageError("--selection-seed has nothing to select beside --selection: give one of them");
@@ -108,11 +107,11 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
 
 void summarise(const ReconstructOptions& o, const Session& session, const PictureJob& job, const vsplat::Input& input,
                const vsplat::Scene& scene, const SceneFile& file, std::size_t pictures,
-               const std::optional<Comparison>& comparison, const std::optional<RefineJob>& refinement) {
+               const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit) {
   const vsplat_scene_info info = scene.info();
-  const std::size_t selected = (refinement ? refinement->start() : scene).selection().size();
+  const std::size_t selected = (fit ? fit->start() : scene).selection().size();
   if (comparison) say(o.common, comparison->table());
-  if (refinement) refinement->summarise(o.common);
+  if (fit) fit->summarise(o.common);
   say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + std::to_string(selected) +
                     " selected voxels" + (pictures ? ", " + job.summary(pictures) : "") + ", " +
                     seconds_text(elapsed_seconds()));
@@ -129,7 +128,7 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
                                 {"images", job.images.empty() ? 0 : pictures}};
   file.add_results(out);
   job.add_results(comparison, out);
-  if (refinement) refinement->add_results(out["refined"]);
+  if (fit) fit->add_results(out["refined"]);
   session.add_numerics(out);
   out["seconds"] = elapsed_seconds();
   print_json(out);
@@ -137,15 +136,16 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
 
 // Fits a scene to all used views (those of --views, else all that are listed), starting from the network's scene from
 // the same views in the same cube. Writes the network's scene first, so that it remains if the fit ends early.
-vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& session, const vsplat::Model& model,
-                     const vsplat::Views& views, const vsplat::Input& input, SceneFile& file, Outputs& outputs) {
+vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Session& session,
+                              const vsplat::Model& model, const vsplat::Views& views, const vsplat::Input& input,
+                              SceneFile& file, Outputs& outputs) {
   const vsplat_input_info placed = input.info();
   vsplat_input_options same = request.input;
   same.has_center = 1;
   std::copy(std::begin(placed.center), std::end(placed.center), same.center);
   same.scale = placed.scale;
-  vsplat_refine_options& options = request.refinement->options;
-  options.start = VSPLAT_REFINE_NETWORK;
+  vsplat_fit_options& options = request.fit->options;
+  options.start = VSPLAT_FIT_NETWORK;
   options.model = model.get();
   options.input = &same;
   options.reconstruct = &request.run;
@@ -155,17 +155,17 @@ vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& ses
     file.save(o.common, start);
     outputs.keep();
     say(o.common,
-        o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are refined now");
+        o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are fitted now");
   };
-  vsplat::Scene refined = request.refinement->run(session, o.common, views, outputs, keep);
-  file.save(o.common, refined);
+  vsplat::Scene fitted = request.fit->run(session, o.common, views, outputs, keep);
+  file.save(o.common, fitted);
   outputs.keep();
-  return refined;
+  return fitted;
 }
 
 // Draws a scene that is already written; if the user stops this, or it fails, the scene remains.
-void draw_refined(const ReconstructOptions& o, Session& session, const PictureJob& job, const vsplat::Scene& scene,
-                  const std::vector<vsplat_camera>& cameras, std::optional<Comparison>& comparison, Outputs& outputs) {
+void draw_fitted(const ReconstructOptions& o, Session& session, const PictureJob& job, const vsplat::Scene& scene,
+                 const std::vector<vsplat_camera>& cameras, std::optional<Comparison>& comparison, Outputs& outputs) {
   const std::string written = o.output + " is written, its pictures are not: vsplat render draws them";
   try {
     if (interrupted()) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
@@ -202,7 +202,7 @@ void reconstruct(ReconstructOptions& o) {
   SceneFile file(outputs, o.output);
   for (const std::string& path : {o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
-  if (request.refinement) request.refinement->expect(outputs, o.output);
+  if (request.fit) request.fit->expect(outputs, o.output);
   if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
 
   Session session(o.common);
@@ -231,39 +231,39 @@ void reconstruct(ReconstructOptions& o) {
   if (request.run.dump) outputs.begin(dump_file(o));
   session.start("reconstructing");
   vsplat::Scene scene;
-  if (!request.refinement || request.run.dump) scene = vsplat::reconstruct(session.device(), model, input, request.run);
-  if (request.refinement) scene = refine(o, request, session, model, views, input, file, outputs);
-  if (job.wanted && request.refinement)
-    draw_refined(o, session, job, scene, shots.all, comparison, outputs);
+  if (!request.fit || request.run.dump) scene = vsplat::reconstruct(session.device(), model, input, request.run);
+  if (request.fit) scene = fit_to_pictures(o, request, session, model, views, input, file, outputs);
+  if (job.wanted && request.fit)
+    draw_fitted(o, session, job, scene, shots.all, comparison, outputs);
   else if (job.wanted)
     job.draw(session, scene, shots.all, comparison, outputs);
   for (const std::string& path : view_files) outputs.begin(path);
   if (!o.write_views.empty()) input.save(o.write_views);
   if (!o.write_selection.empty())
-    vsplat::check(vsplat_scene_save_selection((request.refinement ? request.refinement->start() : scene).get(),
+    vsplat::check(vsplat_scene_save_selection((request.fit ? request.fit->start() : scene).get(),
                                               outputs.begin(o.write_selection).c_str()));
-  if (!request.refinement) file.save(o.common, scene);
+  if (!request.fit) file.save(o.common, scene);
   session.write_profile(outputs);
   outputs.commit();
-  summarise(o, session, job, input, scene, file, shots.all.size(), comparison, request.refinement);
+  summarise(o, session, job, input, scene, file, shots.all.size(), comparison, request.fit);
 }
 
-void add_refinement(CLI::App& sub, ReconstructOptions& o) {
-  const std::string group = "Refinement";
+void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
+  const std::string group = "Fitting";
   sub.add_flag("--refine", o.refine,
-               "Then move the scene towards the pictures, as `vsplat refine --start network` does: those of --views, "
+               "Then fit the scene to the pictures, as `vsplat fit --start network` does: to those of --views, "
                "else all")
       ->group(group);
-  sub.add_option("--refine-steps", o.refined.steps, "How many (default: auto, by the number of views)")
+  sub.add_option("--refine-steps", o.fit.steps, "How many (default: auto, by the number of views)")
       ->type_name("N|auto")
       ->group(group);
-  sub.add_option("--refine-time,--time", o.refined.seconds, "No step begins that would end after so long")
+  sub.add_option("--refine-time,--time", o.fit.seconds, "No step begins that would end after so long")
       ->type_name("SECONDS")
       ->group(group);
-  sub.add_option("--refine-size", o.refined.size, "Pixels of the pictures' longer side (default 512)")
+  sub.add_option("--refine-size", o.fit.size, "Pixels of the pictures' longer side (default 512)")
       ->type_name("N|full")
       ->group(group);
-  sub.add_option("--refine-sheet", o.refined.sheet,
+  sub.add_option("--refine-sheet", o.fit.sheet,
                  "For each picture held out a row: picture, what the network makes, result, 4 x difference")
       ->type_name("FILE.png")
       ->group(group);
@@ -296,7 +296,7 @@ void add_extras(CLI::App& sub, ReconstructOptions& o) {
 void add_list(CLI::App& sub, ReconstructOptions& o) {
   const std::vector<std::string> with = {
       "--help",  "--model", "--output", "--pictures", "--skip-bad", "--view-count",     "--auto-frame",     "--center",
-      "--scale", "--fit",   "--force",  "--near",     "--up",       "--selection-seed", "--assume-selected"};
+      "--scale", "--crop",  "--force",  "--near",     "--up",       "--selection-seed", "--assume-selected"};
   std::vector<CLI::Option*> others;
   for (CLI::Option* option : sub.get_options())
     if (std::none_of(with.begin(), with.end(), [&](const std::string& name) { return option->check_name(name); }))
@@ -340,7 +340,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
       ->group(placement_group);
   add_picture_options(*sub, o->pictures, "--render");
-  add_refinement(*sub, *o);
+  add_fit_after(*sub, *o);
   add_extras(*sub, *o);
   add_list(*sub, *o);
   add_common(*sub, o->common, {.precision = true});

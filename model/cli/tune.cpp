@@ -110,7 +110,7 @@ void add_tune(CLI::App& app, Run& run) {
   sub->add_flag("--again", o->again, "Also try again what was tried before");
   sub->add_option("--model", o->model, "Whose sizes are tuned for (default: the model inside)")
       ->type_name("MODEL.safetensors");
-  sub->add_option("--for", o->jobs, "Whose sizes: of reconstruct,render,refine,train (default: reconstruct,render)")
+  sub->add_option("--for", o->jobs, "Whose sizes: of reconstruct,render,fit,train (default: reconstruct,render)")
       ->type_name("JOBS");
   sub->add_option(
          "-o,--output", o->output,

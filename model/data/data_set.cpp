@@ -70,8 +70,8 @@ std::vector<DataObject> objects_of(const std::string& path) {
     found.objects.push_back({object.group, DataLayout::hdf5, object.file, object.group});
   if (found.objects.empty())
     fail(Status::input,
-         "{}: no object in it: folders with transforms.json, cameras.json or a COLMAP model, or HDF5 files in LaRa's "
-         "layout are expected",
+         "{}: holds no object: folders with transforms.json, cameras.json or a COLMAP model, or HDF5 files in LaRa's "
+         "layout, are expected",
          path);
   return std::move(found.objects);
 }
@@ -83,9 +83,9 @@ ListedView checked(const Photographs& photographs, int index) {
   const ListedView& view = photographs.set.views[index];
   need_good(view);
   if (view.picture.empty())
-    fail(Status::file, "its picture is not there{}",
+    fail(Status::file, "its picture is missing{}",
          photographs.set.looked_for.empty() ? "" : fmt::format(" ({})", photographs.set.looked_for));
-  if (view.mask && !is_file(*view.mask)) fail(Status::file, "its mask is not there: {}", view.mask->string());
+  if (view.mask && !is_file(*view.mask)) fail(Status::file, "its mask is missing: {}", view.mask->string());
   return resolved_view(photographs, index);
 }
 

@@ -63,7 +63,7 @@ StoredView store_view(const FramedObject& object, int view, const FrameRequest& 
   StoredView out;
   try {
     LoadedPhotograph photograph(object.photographs, view);
-    framed = photograph.framed({request.image, request.fit, object.placement.centre, object.placement.edge});
+    framed = photograph.framed({request.image, request.crop, object.placement.centre, object.placement.edge});
     out.masked = photograph.is_masked();
   } catch (const Error& e) {
     complain(e.status(), e.what());

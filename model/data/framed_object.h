@@ -10,7 +10,7 @@ namespace vsplat {
 
 struct FrameRequest {
   int image = 0;  // S, the network's input size
-  Fit fit = Fit::automatic;
+  Crop crop = Crop::automatic;
   PlacementRequest placement;                   // estimates use at most 16 views
   std::vector<std::string>* missing = nullptr;  // as for open_object()
   bool to_train_on = false;                     // as for open_object()

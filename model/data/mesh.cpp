@@ -162,7 +162,7 @@ void fit_into_cube(Mesh& mesh) {
   }
   const double extent = (high - low).maxCoeff();
   if (!(extent > 1e-30))
-    fail(Status::input, "{}: all its corners are in one point; a mesh with an extent is expected", mesh.name);
+    fail(Status::input, "{}: all its corners are at one point; a mesh with an extent is expected", mesh.name);
   const Vector3d centre = 0.5 * (low + high);
   for (Corner& c : mesh.corners) {
     const Vector3f moved = ((c.position.cast<double>() - centre) / extent).cast<float>();

@@ -159,8 +159,8 @@ std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
     fail(e.status(), "{}: its texture: {}", path_, e.what());
   }
   if (file.empty())
-    fail(Status::input, "{}: its texture {} is missing ({}); put it there, or give another to vsplat_mesh_load", path_,
-         printable(name), files_.where_looked(name));
+    fail(Status::input, "{}: its texture {} is missing ({}); add the file, or give another texture to vsplat_mesh_load",
+         path_, printable(name), files_.where_looked(name));
   roots_.need(file, path_ + ": its texture");
   return known = texture_of(*ImageFile(file.string()).rows());
 }
@@ -199,7 +199,7 @@ Material MeshReader::material(const MeshMaterial& from) {
 void MeshReader::take_materials(Unpacker& in) {
   const std::string& lost = reader_.missing();
   if (!lost.empty() && !everywhere_ && extension_of(lost) == ".mtl")
-    fail(Status::input, "{}: its material file {} is missing; put it there, or give a texture to vsplat_mesh_load",
+    fail(Status::input, "{}: its material file {} is missing; add the file, or give a texture to vsplat_mesh_load",
          path_, printable(lost));
   if (!mesh_.palette.empty()) throw read::BadMessage("materials twice");
   for (auto left = in.get<std::uint32_t>(); left > 0; --left)
@@ -210,7 +210,7 @@ void MeshReader::take_part(Unpacker& in) {
   const MeshPart part = read::unpack_part(in);
   if (part.material >= mesh_.palette.size()) throw read::BadMessage("a part of a material that is not there");
   if (mesh_.palette[part.material].texture && !part.has_uv)
-    fail(Status::input, "{}: part \"{}\" is to be textured and has no texture coordinates", path_,
+    fail(Status::input, "{}: part \"{}\" is to be textured, but has no texture coordinates", path_,
          printable(part.name));
   part_material_ = part.material;
   in_part_ = true;
@@ -236,7 +236,7 @@ void MeshReader::take_corners(Unpacker& in) {
   const std::uint64_t most = free_triangles + reader_.given();
   if (mesh_.triangles() + triangles > most)
     reader_.give_up(Status::format,
-                    fmt::format("has more than {} triangles, more than a file of its size should", most));
+                    fmt::format("has more than {} triangles, which is too many for a file of its size", most));
   const std::string_view bytes = in.rest();
   for (std::size_t i = 0; i < 3 * triangles; ++i) {
     MeshCorner from;

@@ -84,7 +84,7 @@ std::shared_ptr<const Texture> random_texture(Random& random) {
 
 TextureFolder::TextureFolder(const std::string& path) : kept_(kept_bytes) {
   for (const std::filesystem::path& file : pictures_in(path)) files_.push_back(file.string());
-  if (files_.empty()) fail(Status::input, "{}: no picture is in it; a folder of textures is expected", path);
+  if (files_.empty()) fail(Status::input, "{}: holds no picture; a folder of textures is expected", path);
 }
 
 std::shared_ptr<const Texture> TextureFolder::at(std::size_t index) const {

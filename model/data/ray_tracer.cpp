@@ -27,17 +27,16 @@ std::string& named_module() {
 
 const RayFunctions* loaded() {
   const std::string path = named_module().empty() ? library_program("vsplat-rays.so") : named_module();
-  std::string why = "it is not known where the library lies";
+  std::string why = "the library's own path is unknown";
   void* module = path.empty() ? nullptr : sys::load_library(path, sys::Symbols::own, why);
   if (!module)
     fail(Status::internal,
-         "meshes and random objects are drawn by vsplat-rays.so, which is installed beside the library "
-         "(libvsplat{}-data "
-         "is its package): {}",
+         "vsplat-rays.so, which draws meshes and random objects, cannot be loaded. It is installed beside the library "
+         "(package libvsplat{}-data): {}",
          VSPLAT_SOVERSION, why.empty() ? path : why);
   auto* functions = reinterpret_cast<RayModule*>(sys::symbol(module, "vsplat_rays"));
   if (const RayFunctions* found = functions ? functions(VSPLAT_VERSION) : nullptr) return found;
-  fail(Status::internal, "{} is not of vsplat {}, whose library is to load it", path, VSPLAT_VERSION);
+  fail(Status::internal, "{} does not belong to vsplat {}, whose library loads it", path, VSPLAT_VERSION);
 }
 
 // The module is loaded once and never unloaded.

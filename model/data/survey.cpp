@@ -33,7 +33,7 @@ std::vector<int> spread(int count, int of) {
 
 ObjectSurvey survey(const DataObject& object, int pictures) {
   ObjectSurvey out;
-  const FrameRequest request{looked_at_size, Fit::automatic, {}};
+  const FrameRequest request{looked_at_size, Crop::automatic, {}};
   const FramedObject framed = frame_object(object, request, &out.bad);
   out.views = framed.views();
   warn_of_inverted_masks(framed, pictures < 0 ? max_views : std::min(pictures, max_views));

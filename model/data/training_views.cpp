@@ -94,7 +94,7 @@ struct TrainingReader::Impl {
       : data(std::move(d)), options(std::move(o)), listings(listing_bytes), pictures(options.cache_bytes) {
     check(data, options);
     if (!options.textures.empty()) textures.emplace(options.textures);
-    request.image = options.image, request.fit = options.fit, request.placement = options.placement;
+    request.image = options.image, request.crop = options.crop, request.placement = options.placement;
     request.to_train_on = true;
     for (int i = 0; i < options.threads; ++i) workers.emplace_back([this] { work(); });
   }
@@ -176,7 +176,7 @@ void TrainingReader::Impl::note(BadThing thing, const std::string& what) {
     const std::lock_guard lock(bad_mutex);
     if (!bad.insert(thing).second) return;
   }
-  warn("{}; it is passed over", what);
+  warn("{}; it is skipped", what);
 }
 
 bool TrainingReader::Impl::passed_over(BadThing thing, const Error& error) {

@@ -33,7 +33,7 @@ struct TrainingOptions {
   bool random_background =
       false;           // novel views over white, grey or black, else white; opaque pictures always use white
   bool alpha = false;  // TrainingViews::rgba is wanted
-  Fit fit = Fit::automatic;
+  Crop crop = Crop::automatic;
   PlacementRequest placement;
   // Random change of the object's frame: rotated about its centre by at most this angle about any axis (after the
   // reference view was made its front, which it then no longer is), and with the cube scaled by a factor between the

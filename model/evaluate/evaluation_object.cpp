@@ -92,7 +92,7 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
 EvaluationObject evaluation_object(const DataObject& object, const TakenViews& taken, const EvaluationRequest& request,
                                    std::vector<std::string>* skipped, std::vector<std::string>* missing) {
   std::vector<std::string> untold;
-  const FrameRequest frame{taken.image, request.fit, request.placement, missing ? missing : &untold};
+  const FrameRequest frame{taken.image, request.crop, request.placement, missing ? missing : &untold};
   const FramedObject framed = frame_object(object, frame, skipped);
   warn_of_inverted_masks(framed, 4);
   std::vector<int> good(static_cast<std::size_t>(framed.views()));

@@ -16,7 +16,7 @@ struct EvaluationRequest {
   std::uint64_t seed = 0;  // for random10
   int judged = 0;          // edge of the compared pictures in pixels; 0: the configuration's, like the inputs
   int inputs = 0;          // number of input views; 0: TakenViews::trained
-  Fit fit = Fit::automatic;
+  Crop crop = Crop::automatic;
   PlacementRequest placement;
 };
 

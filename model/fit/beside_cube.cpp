@@ -40,9 +40,8 @@ std::string doubts_about_cube(const std::vector<double>& shares, std::size_t unm
   if (mean <= kMuch) return "";
   return fmt::format(
       "{} of the {} pictures have neither mask nor alpha, and {:.0f} % of what they show lies beside the object's "
-      "cube: "
-      "that is imitated by fog before the cameras. Give masks (mask_path, or a folder masks/), or a larger cube "
-      "(vsplat_input_options.scale)",
+      "cube: the fit imitates it with fog in front of the cameras. Give masks (mask_path, or a folder masks/), or a "
+      "larger cube (vsplat_input_options.scale)",
       unmasked, pictures, 100 * mean);
 }
 

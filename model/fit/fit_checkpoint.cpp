@@ -22,7 +22,7 @@ constexpr std::string_view kState = "state.";
 const std::string& metadata_at(const SafetensorsFile& file, const char* key) {
   const auto found = file.metadata().find(key);
   if (found == file.metadata().end())
-    fail(Status::format, "{}: its metadata have no {}: not a refinement's state", file.path(), key);
+    fail(Status::format, "{}: its metadata have no {}: not a fit's state", file.path(), key);
   return found->second;
 }
 
@@ -37,7 +37,7 @@ void check_format(const SafetensorsFile& file) {
 
 const std::string& state_at(const FitCheckpoint& checkpoint, const std::string& name) {
   const auto found = checkpoint.state.find(name);
-  if (found == checkpoint.state.end()) fail(Status::format, "a refinement's state has no {}", printable(name));
+  if (found == checkpoint.state.end()) fail(Status::format, "a fit's state has no {}", printable(name));
   return found->second;
 }
 
@@ -67,7 +67,7 @@ std::optional<FitCheckpoint> load_fit_checkpoint(const std::string& folder, cons
   out.request = metadata_at(file, "request");
   if (out.request != request)
     fail(Status::usage,
-         "{}: this is the state of another refinement: other views, options or another start. Give those that it was "
+         "{}: this is the state of another fit: other views, options or another start. Give those that it was "
          "begun with, or another folder",
          path);
   for (const auto& [key, text] : file.metadata())
@@ -81,7 +81,7 @@ long whole_number(const FitCheckpoint& checkpoint, const std::string& name) {
   long out = 0;
   const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), out);
   if (problem != std::errc() || end != text.data() + text.size() || out < 0)
-    fail(Status::format, "a refinement's state has {} \"{}\", a whole number from 0 expected", printable(name),
+    fail(Status::format, "a fit's state has {} \"{}\", a whole number from 0 expected", printable(name),
          printable(text));
   return out;
 }
@@ -91,7 +91,7 @@ double number(const FitCheckpoint& checkpoint, const std::string& name) {
   char* end = nullptr;
   const double out = std::strtod(text.c_str(), &end);
   if (text.empty() || *end != '\0')
-    fail(Status::format, "a refinement's state has {} \"{}\", a number expected", printable(name), printable(text));
+    fail(Status::format, "a fit's state has {} \"{}\", a number expected", printable(name), printable(text));
   return out;
 }
 
@@ -99,7 +99,7 @@ std::string exact_text(double value) { return fmt::format("{:.17g}", value); }
 
 const FitTensor& tensor_of(const FitTensors& tensors, const std::string& name) {
   const auto found = tensors.find(name);
-  if (found == tensors.end()) fail(Status::format, "a refinement's state has no tensor {}", printable(name));
+  if (found == tensors.end()) fail(Status::format, "a fit's state has no tensor {}", printable(name));
   return found->second;
 }
 

@@ -22,8 +22,8 @@ std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, c
   if (peak > limit)
     fail(Status::memory,
          "not enough device memory: {} Gaussians fitted to pictures of {} x {} pixels take {:.4g} GiB, {:.4g} GiB may "
-         "be used (vsplat_device_options.max_memory_gib; fewer vsplat_refine_options.max_gaussians or a smaller "
-         "vsplat_refine_options.longest take less)",
+         "be used (vsplat_device_options.max_memory_gib; fewer vsplat_fit_options.max_gaussians or a smaller "
+         "vsplat_fit_options.longest take less)",
          std::max(options.max_gaussians, static_cast<long>(start.count)), camera.width, camera.height, gib(peak),
          gib(limit));
   return limit - peak;

@@ -70,12 +70,12 @@ Scene scene_from_points(std::span<const ColoredPoint> points, const Placement& p
     if (((point.position - placement.centre) / placement.edge).cwiseAbs().maxCoeff() <= 0.5) inside.push_back(&point);
   if (inside.empty())
     fail(Status::input,
-         "none of the {} points lies in the object's cube, centre {}, edge {:.6g}: vsplat_input_options.center and "
-         "vsplat_input_options.scale place it",
+         "none of the {} points lies in the object's cube, centre {}, edge {:.6g}: set it with "
+         "vsplat_input_options.center and vsplat_input_options.scale",
          points.size(), to_text(placement.centre), placement.edge);
   const std::size_t n = most > 0 ? std::min(inside.size(), static_cast<std::size_t>(most)) : inside.size();
   info("{} of the {} points lie in the object's cube{}", inside.size(), points.size(),
-       n < inside.size() ? fmt::format(", {} of them are taken", n) : "");
+       n < inside.size() ? fmt::format(", {} of them are used", n) : "");
   Positions positions(static_cast<Eigen::Index>(n), 3);
   std::vector<std::array<float, 3>> colours;
   for (std::size_t i = 0; i < n; ++i) {

@@ -253,14 +253,13 @@ void Fitter::restore(const FitTensors& state, long steps_done) {
   const std::string first_name = "x.logits";  // a named variable: GCC 14 warns of a dangling reference to a temporary
   const FitTensor& logits = tensor_of(state, first_name);
   if (logits.shape.size() != 1 || logits.shape[0] < 0 || logits.shape[0] > all_.x.count())
-    fail(Status::format, "a refinement's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),
+    fail(Status::format, "a fit's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),
          all_.x.count());
   count_ = logits.shape[0];
   for_each_tensor(vsplat::first(all_, count_), [&](const std::string& name, const Tensor& t) {
     const FitTensor& from = tensor_of(state, name);
     if (from.shape != t.shape())
-      fail(Status::format, "a refinement's state has {} for {}, {} expected", text_of(from.shape), name,
-           text_of(t.shape()));
+      fail(Status::format, "a fit's state has {} for {}, {} expected", text_of(from.shape), name, text_of(t.shape()));
     ctx_.write(t, from.data.data());
   });
   step_ = steps_done;

@@ -69,16 +69,16 @@ std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, cons
     return out;
   }
   if (holdout.kind == Kind::named) {
-    const std::vector<int> out = listed_views(set, holdout.names, "vsplat_refine_options.holdout_names");
+    const std::vector<int> out = listed_views(set, holdout.names, "vsplat_fit_options.holdout_names");
     for (const int view : out)
       if (std::find(used.begin(), used.end(), view) == used.end())
-        fail(Status::usage, "vsplat_refine_options.holdout_names: {} is not among the views that are used",
+        fail(Status::usage, "vsplat_fit_options.holdout_names: {} is not among the views that are used",
              set.views[static_cast<std::size_t>(view)].name);
     return out;
   }
   if (holdout.count < 1 || holdout.count >= n)
-    fail(Status::usage, "vsplat_refine_options.holdout_count is {}: of {} views 1 to {} can be held out", holdout.count,
-         n, n - 1);
+    fail(Status::usage, "vsplat_fit_options.holdout_count is {}: of {} views 1 to {} can be held out", holdout.count, n,
+         n - 1);
   return spread(used, holdout.count);
 }
 
@@ -101,7 +101,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
       pictures(p, to_world, request.longest, kPictureCap) {
   const auto begun = Clock::now();
-  used = listed_views(p.set, request.names, "vsplat_refine_options.names");
+  used = listed_views(p.set, request.names, "vsplat_fit_options.names");
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
@@ -109,7 +109,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (folds && used.size() > 1)
     for (std::size_t i = 0; i < used.size(); ++i)
       legs.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
-  legs.push_back({"refining", fitted, held});
+  legs.push_back({"fitting", fitted, held});
   judged = folds && used.size() > 1 ? used : held;
   // A single view cannot be left out, so the effect of further steps is unknown.
   unknown = folds && used.size() == 1;
@@ -121,7 +121,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   }
   if (from && !request.resume)
     fail(Status::usage,
-         "{}: there is the state of a refinement already; vsplat_refine_options.resume goes on with it, another folder "
+         "{}: there is the state of a fit already; vsplat_fit_options.resume goes on with it, another folder "
          "begins again",
          fit_checkpoint_path(request.checkpoint));
   warn_of_background();
@@ -156,9 +156,9 @@ double SceneFit::Impl::object_pixels(const std::vector<int>& views) {
 void SceneFit::Impl::begin_leg() {
   const Leg& now = legs[leg];
   Scene scene = !in_folds() && first ? *first : given.make(now.views);
-  if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
+  if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to fit");
   if (scene.gaussians.kind != GaussianKind::volume)
-    fail(Status::usage, "the start's Gaussians are surfels: those of three scales can be refined");
+    fail(Status::usage, "the start's Gaussians are surfels: those of three scales can be fitted");
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
   recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),

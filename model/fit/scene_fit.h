@@ -58,7 +58,7 @@ struct FitProgress {
   std::string phase;
   long step = 0, steps = 0;  // of the phase
   long gaussians = 0;
-  double loss = std::numeric_limits<double>::quiet_NaN(), psnr = loss;  // as in vsplat_refine_progress
+  double loss = std::numeric_limits<double>::quiet_NaN(), psnr = loss;  // as in vsplat_fit_progress
   double seconds_left = 0;
 };
 

@@ -16,14 +16,13 @@ namespace {
 Gaussians best_in(const FitCheckpoint& from) {
   Gaussians out;
   out.sh_degree = static_cast<int>(whole_number(from, "best_degree"));
-  if (out.sh_degree > 3)
-    fail(Status::format, "a refinement's state has best_degree {}, 0 to 3 expected", out.sh_degree);
+  if (out.sh_degree > 3) fail(Status::format, "a fit's state has best_degree {}, 0 to 3 expected", out.sh_degree);
   out.count = tensor_of(from.tensors, "best.opacities").data.size();
   const auto take = [&](const std::string& name, std::size_t each) {
     const FitTensor& tensor = tensor_of(from.tensors, name);
     if (tensor.data.size() != each * out.count)
-      fail(Status::format, "a refinement's state has {} for {}, {} of {} Gaussians expected", text_of(tensor.shape),
-           name, each * out.count, out.count);
+      fail(Status::format, "a fit's state has {} for {}, {} of {} Gaussians expected", text_of(tensor.shape), name,
+           each * out.count, out.count);
     return tensor.data;
   };
   out.means = take("best.means", 3);
@@ -103,8 +102,7 @@ void SceneFit::Impl::save() const {
 // Restores the position within the fit.
 void SceneFit::Impl::read_place(const FitCheckpoint& from) {
   leg = static_cast<std::size_t>(whole_number(from, "leg"));
-  if (leg >= legs.size())
-    fail(Status::format, "a refinement's state is of leg {}, of which there are {}", leg, legs.size());
+  if (leg >= legs.size()) fail(Status::format, "a fit's state is of leg {}, of which there are {}", leg, legs.size());
   for (const auto& [name, text] : from.state) {
     long at = 0;
     if (std::sscanf(name.c_str(), "curve.%ld.psnr", &at) != 1 || !name.ends_with(".psnr")) continue;
@@ -113,7 +111,7 @@ void SceneFit::Impl::read_place(const FitCheckpoint& from) {
                  static_cast<int>(whole_number(from, stem + ".pictures"))};
   }
   if (curve.count(0) == 0 && !legs[leg].judges.empty())
-    fail(Status::format, "a refinement's state has no curve.0.psnr: how good the start was");
+    fail(Status::format, "a fit's state has no curve.0.psnr: how good the start was");
 }
 
 // Restores the results of the current phase.

@@ -63,7 +63,7 @@ PoseCorrection PoseCorrection::from_text(const std::string& text) {
   for (double& value : out.m_) in >> value;
   for (double& value : out.v_) in >> value;
   if (!in || out.steps_ < 0 || !out.w2c_.allFinite())
-    fail(Status::format, "a refinement's state has a pose that cannot be read: 25 numbers expected");
+    fail(Status::format, "a fit's state has a pose that cannot be read: 25 numbers expected");
   return out;
 }
 
@@ -97,7 +97,7 @@ void get(Context& ctx, ExposureCorrection& exposure, const std::string& name, co
   for (const auto& [part, tensor] : parts(exposure, name)) {
     const FitTensor& kept = tensor_of(from.tensors, part);
     if (kept.shape != tensor.shape())
-      fail(Status::format, "a refinement's state has {} for {}, {} expected", text_of(kept.shape), part,
+      fail(Status::format, "a fit's state has {} for {}, {} expected", text_of(kept.shape), part,
            text_of(tensor.shape()));
     ctx.write(tensor, kept.data.data());
   }

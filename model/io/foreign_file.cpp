@@ -64,15 +64,15 @@ std::optional<ForeignFile> archive_kind(const std::string& path, std::string_vie
     if (has_text(begin, "data.pkl") || has_text(begin, "/byteorder"))
       return ForeignFile{"a PyTorch checkpoint (a model)", "vsplat weights import reads it"};
     if (has_text(begin, ".npy")) return ForeignFile{"an archive of NumPy arrays (npz)"};
-    return ForeignFile{"a zip archive", "unpack it and give what is in it"};
+    return ForeignFile{"a zip archive", "unpack it and give its content"};
   }
   if (begin.starts_with("\x1f\x8b")) {
     if (lower_ending(path) == ".spz") return other_scene(path, "an SPZ file of Gaussians");
     return ForeignFile{"a gzip file",
-                       fmt::format("where it is SPZ, {}; else unpack it with gunzip", how_to_convert_scene(path))};
+                       fmt::format("if it is SPZ, {}; otherwise unpack it with gunzip", how_to_convert_scene(path))};
   }
   if (begin.starts_with("7z\xbc\xaf") || begin.starts_with("Rar!") || begin.starts_with("BZh"))
-    return ForeignFile{"an archive", "unpack it and give what is in it"};
+    return ForeignFile{"an archive", "unpack it and give its content"};
   return std::nullopt;
 }
 
@@ -81,9 +81,9 @@ std::optional<ForeignFile> text_kind(const std::string& path, std::string_view b
   if (first == begin.npos) return std::nullopt;
   const std::string_view from = begin.substr(first);
   if (from.starts_with("version https://git-lfs"))
-    return ForeignFile{"a pointer of Git LFS, which stands for the file itself", "fetch the file: git lfs pull"};
+    return ForeignFile{"a pointer of Git LFS instead of the file itself", "fetch the file: git lfs pull"};
   if (from.starts_with("<!") || from.starts_with("<html") || from.starts_with("<HTML"))
-    return ForeignFile{"a web page", "the download gave a page and not the file"};
+    return ForeignFile{"a web page", "the download returned a page instead of the file"};
   if (from.starts_with("<?xml") || from.starts_with("<svg")) return ForeignFile{"XML or SVG"};
   if (from.starts_with("{") || from.starts_with("[")) {
     if (has_text(begin, "\"means\"") && has_text(begin, "\"quats\""))

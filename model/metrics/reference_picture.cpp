@@ -53,8 +53,8 @@ Image reference_picture(const Camera& camera, const ReferenceFiles& files, int w
   const double scaled = static_cast<double>(picture->height) * width / picture->width;
   if (picture->width < width || picture->height < height || std::abs(scaled - height) > 1)
     fail(Status::input,
-         "{} is {} x {} pixels, the picture drawn for it {} x {}: give it in the same size or larger with the same "
-         "proportions, or draw in its",
+         "{} is {} x {} pixels, the picture drawn for it {} x {}: give it in the same size, or larger with the same "
+         "proportions, or draw in its size",
          path, picture->width, picture->height, width, height);
   std::optional<ImageFile> mask_file;
   std::unique_ptr<PixelRows> mask_picture;

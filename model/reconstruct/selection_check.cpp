@@ -47,8 +47,8 @@ bool shows_background(std::span<const PreparedView> views) {
 std::string doubts_about(const SelectedShares& shares, int volume, bool background) {
   if (volume < least_volume || shares.faces <= (background ? most_with_background : most_cut_out)) return "";
   return fmt::format(
-      "{:.0f} % of the voxels were selected, and {:.0f} % of those at the cube's faces, where there is little of an "
-      "object in its cube: {}vsplat_input_options.center and vsplat_input_options.scale place the cube, "
+      "{:.0f} % of the voxels were selected, and {:.0f} % of those at the cube's faces, where an object in its cube "
+      "has few: {}vsplat_input_options.center and vsplat_input_options.scale place the cube, "
       "vsplat_input_options.auto_frame estimates it",
       100 * shares.all, 100 * shares.faces,
       background

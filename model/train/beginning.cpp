@@ -66,14 +66,14 @@ std::string adapt(Weights& weights, const Config& from, const Config& to, const 
   if (from.volume == to.volume && from.image == to.image) return "";
   const double factor = static_cast<double>(from.volume) / static_cast<double>(to.volume);
   const std::size_t scaled = scale_places(weights, to, factor);
-  std::string told = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, goes on with {} and {}",
+  std::string told = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, continues with {} and {}",
                                  path, from.image, from.volume, to.image, to.volume);
   if (from.volume != to.volume) told += fmt::format("; {} places within a voxel scaled by {:g}", scaled, factor);
   return told;
 }
 std::string adapt(Weights&, const LaraConfig& from, const LaraConfig& to, const std::string& path) {
   if (from.image == to.image) return "";
-  return fmt::format("{}: made for pictures of {} pixels, goes on with {}", path, from.image, to.image);
+  return fmt::format("{}: made for pictures of {} pixels, continues with {}", path, from.image, to.image);
 }
 
 // The checkpoint with the requested configuration. Refuses a configuration that disagrees on the steps so far.
@@ -117,7 +117,7 @@ Beginning from_model(const TrainConfig& config, const std::string& path) {
           check_model_fits(model.config, config);
         } catch (const Error& e) {
           fail(e.status(),
-               "{}: its model is not the configuration's, whose \"model\" must be the file's but for image, volume, "
+               "{}: its model differs from the configuration's \"model\", which may differ only in image, volume, "
                "views and use_views: {}",
                path, e.what());
         }
@@ -133,18 +133,18 @@ Beginning from_model(const TrainConfig& config, const std::string& path) {
 
 Beginning begin(const TrainConfig& config, const BeginningRequest& request) {
   if (!request.extend.empty() && !request.resume)
-    fail(Status::usage, "vsplat_train_options.extend needs vsplat_train_options.resume: it goes on with a training");
+    fail(Status::usage, "vsplat_train_options.extend needs vsplat_train_options.resume: it continues a training");
   std::optional<Checkpoint> found;
   if (fs::exists(request.output)) found = newest_checkpoint(request.output);
   if (found && !request.resume)
     fail(Status::usage,
-         "{}: a training's checkpoints are there already (step {}): vsplat_train_options.resume goes on from them; or "
+         "{}: holds a training's checkpoints already (step {}): vsplat_train_options.resume continues from them; or "
          "name another folder",
          request.output, found->step);
   if (found) return {continued(std::move(*found), config, request), ""};
   if (!request.extend.empty())
     fail(Status::usage,
-         "{}: holds no checkpoint that vsplat_train_options.extend could go on from; train first, then extend",
+         "{}: holds no checkpoint that vsplat_train_options.extend could continue from; train first, then extend",
          request.output);
   if (request.init.empty()) return {random_beginning(config), ""};
   return from_model(config, request.init);

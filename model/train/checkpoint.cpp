@@ -59,8 +59,8 @@ void check_format(const SafetensorsFile& file) {
     fail(Status::format, "{}: metadata format is \"{}\", expected \"{}\"", file.path(), printable(format),
          kCheckpointFormat);
   if (const std::string& version = metadata_at(file, "version"); version != kVersion)
-    fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made by another vsplat", file.path(),
-         printable(version), kVersion);
+    fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made by another version of vsplat",
+         file.path(), printable(version), kVersion);
   metadata_at(file, "sha256");
   if (file.check_hash() != HashState::matches)
     fail(Status::format, "{}: its content does not match its sha256: the file is damaged", file.path());
@@ -97,7 +97,8 @@ void check_moments(const std::string& path, const Checkpoint& checkpoint) {
   for (const auto& [some, others, what] :
        {std::tuple(&checkpoint.m, &checkpoint.v, "adamw.v"), std::tuple(&checkpoint.v, &checkpoint.m, "adamw.m")})
     for (const auto& [name, tensor] : some->all())
-      if (!others->has(name)) fail(Status::format, "{}: no tensor {}.{}, whose fellow is there", path, what, name);
+      if (!others->has(name))
+        fail(Status::format, "{}: no tensor {}.{}, although its counterpart is there", path, what, name);
 }
 
 // ----------------------------------------------------------------------------------------------------------------
@@ -199,7 +200,7 @@ std::optional<Checkpoint> newest_checkpoint(const std::string& folder) {
       return load_checkpoint(candidate.path);
     } catch (const Error& e) {
       if (e.status() != Status::format && e.status() != Status::file) throw;
-      warn("a checkpoint is left out: {}", e.what());
+      warn("a checkpoint is skipped: {}", e.what());
     }
   }
   if (!found.empty())

@@ -97,7 +97,7 @@ json sheets_in(const std::vector<fs::path>& folders, json& left_out) {
 json run_of(const std::string& run, bool with_sheets, Notes& notes) {
   std::error_code problem;
   if (!fs::is_directory(run, problem))
-    fail(Status::file, "{}: is no folder; a training's is expected, with its config.json and log.csv", run);
+    fail(Status::file, "{}: is no folder; a training's folder with its config.json and log.csv is expected", run);
   json config = object_in(fs::path(run) / "config.json", notes);
   const std::vector<fs::path> folders = folders_of(run, config);
   const auto has_log = [](const fs::path& folder) { return is_there(folder / "log.csv"); };
@@ -126,7 +126,7 @@ void tell_apart(json& runs, const std::vector<std::string>& paths) {
 }  // namespace
 
 void write_report(const std::vector<std::string>& runs, const std::string& path) {
-  if (runs.empty()) fail(Status::usage, "a report about no run; the folder of one at least is expected");
+  if (runs.empty()) fail(Status::usage, "a report needs the folder of at least one run");
   Notes notes;
   json data = {{"runs", json::array()}};
   for (const std::string& run : runs) data["runs"].push_back(run_of(run, runs.size() == 1, notes));

@@ -153,7 +153,7 @@ class FirstSteps {
                       done == 1 ? ", which may have compiled" : ", about " + duration_text(left) + " left"));
     if (done == 2 && left > kDay)
       warn(
-          "the {} steps that are left take about {} on this device, of {} a step: fewer steps, a smaller model (the "
+          "the {} steps that are left take about {} on this device, at {} a step: fewer steps, a smaller model (the "
           "configuration's model: small, tiny), fewer objects a step (batch) or another device take less",
           steps_ - r.step, duration_text(left), duration_text(took));
   }
@@ -364,7 +364,7 @@ StepReport step(Trainer& trainer, const std::vector<TrainingViews>& views,
 std::string going_on(const TrainConfig& config, long step) {
   const long all = total_steps(config.schedule);
   if (step < all) return fmt::format("going on from step {}", step);
-  return fmt::format("all {} steps are done; vsplat_train_options.extend goes on after them", all);
+  return fmt::format("all {} steps are done; vsplat_train_options.extend continues after them", all);
 }
 
 // Whether an action is due that happens every `period` steps and after the last.
@@ -386,7 +386,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const std::optional<std::vector<int>> selection = forced_selection(config, options.selection);
   if (!options.helpers.empty() && config.parts == 1)
     fail(Status::usage,
-         "vsplat_train_options.more_devices: {} devices share the parts of a step, and the configuration's parts is 1: "
+         "vsplat_train_options.more_devices: {} devices share the parts of a step, but the configuration's parts is 1: "
          "2 to {} (batch x accumulate) expected",
          options.helpers.size() + 1, config.batch * config.accumulate);
   if (options.leader) options.leader->begin(start);

@@ -56,7 +56,7 @@ void each_field(C& c, Visit visit) {
   visit("inputs_max", c.inputs_max);
   visit("novel", c.novel);
   visit("random_background", c.random_background);
-  visit("fit", c.fit);
+  visit("fit", c.crop);
   visit("half_size", c.half_size);
   visit("turn_degrees", c.turn_degrees);
   visit("cube_min", c.cube_min);
@@ -118,7 +118,7 @@ void check_frozen(const TrainConfig& c, const FieldChecks& is) {
   for (const std::string& prefix : c.frozen)
     is.need(!prefix.empty() &&
                 std::any_of(all.begin(), all.end(), [&](const Parameter& p) { return p.name.starts_with(prefix); }),
-            "each of frozen must be how the name of a parameter starts, as encoder. or predictor.", shown(prefix));
+            "each of frozen must be the beginning of a parameter's name, as encoder. or predictor.", shown(prefix));
   is.need(std::any_of(all.begin(), all.end(), [&](const Parameter& p) { return p.trained && !is_frozen(c, p.name); }),
           "frozen must leave something to train", shown(c.frozen));
 }
@@ -129,7 +129,7 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.within("inputs_max", c.inputs_max, fewest, c.model.taken().most);
   is.within("inputs_min", c.inputs_min, fewest, c.inputs_max);
   is.within("novel", c.novel, 0, 64);
-  is.one_of("fit", c.fit, {"auto", "object", "crop", "pad"});
+  is.one_of("fit", c.crop, {"auto", "object", "crop", "pad"});
   is.in("half_size", c.half_size, c.half_size >= 0 && c.half_size <= 1, "0 to 1");
   if (c.half_size > 0 && (c.model.image() % 2 != 0 || c.model.image() < 22))  // SSIM has windows of 11 pixels
     is.in("half_size", c.half_size, false,

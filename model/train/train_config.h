@@ -44,7 +44,7 @@ struct TrainConfig {
   long inputs_min = 4, inputs_max = 4;
   long novel = 4;                 // further views, in the loss only
   bool random_background = true;  // novel views over white, grey or black, drawn for each object; else over white
-  std::string fit = "auto";       // crop of the pictures: auto, object, crop, pad
+  std::string crop = "auto";      // "fit" in a file, how pictures are cropped: auto, object, crop, pad
   double half_size = 0;           // share of views, input and novel, rendered and compared at half size; 0 to 1
   // The object's frame is rotated by at most `turn_degrees` about a random axis, and its cube is scaled by a factor
   // from cube_min to cube_max, both drawn for each object.

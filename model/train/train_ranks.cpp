@@ -64,7 +64,7 @@ RankLeader::~RankLeader() {
 void RankLeader::begin(const Checkpoint& start) {
   if (start.config.parts < ranks_.count())
     fail(Status::usage,
-         "{} processes share the parts of a step, and the configuration's parts is {}: {} or more, at most {} (batch x "
+         "{} processes share the parts of a step, but the configuration's parts is {}: {} or more, at most {} (batch x "
          "accumulate) expected",
          ranks_.count(), start.config.parts, ranks_.count(), start.config.batch * start.config.accumulate);
   MessageOut out;

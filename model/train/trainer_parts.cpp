@@ -117,8 +117,8 @@ void Trainer::keep_kinds(const std::vector<std::string>& kinds) {
   const auto known = state_.find(kKinds);
   if (known != state_.end() && known->second != text)
     warn(
-        "the training's parts were on devices of other kinds before: its results are equal within what floating "
-        "point leaves, not to the bit");
+        "the training's parts were on devices of other kinds before: its results are equal up to rounding, not to the "
+        "bit");
   if (several)
     state_[kKinds] = text;
   else

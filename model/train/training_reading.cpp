@@ -27,7 +27,7 @@ TrainingOptions training_reading(const TrainConfig& config, const TrainOptions& 
   out.novel = static_cast<int>(config.novel);
   out.random_background = config.random_background;
   out.alpha = config.alpha_weight > 0;
-  out.fit = fit_from_name(config.fit);
+  out.crop = crop_from_name(config.crop);
   out.turn_degrees = config.turn_degrees;
   out.min_cube = config.cube_min;
   out.max_cube = config.cube_max;

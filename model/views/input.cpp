@@ -116,7 +116,7 @@ Input prepare_input(const Photographs& photographs, const TakenViews& taken, con
   info("{}", chosen.found);
   check_centre_is_seen(cameras, photographs.set.convention, chosen, request.force);
   check_cube_is_in_front(place_views(cameras, out.placement, taken.rebase).cameras, out.placement);
-  const Framing framing{taken.image, request.fit, out.placement.centre, out.placement.edge};
+  const Framing framing{taken.image, request.crop, out.placement.centre, out.placement.edge};
   out.masked = true;
   for (std::optional<LoadedPhotograph>& view : loaded) {
     out.masked &= view->is_masked();

@@ -21,7 +21,7 @@ struct InputRequest {
   std::vector<std::string> names;  // as in ViewRequest
   int view_count = 0;              // number of views if none are named; 0: TakenViews::usual
   PlacementRequest placement;
-  Fit fit = Fit::automatic;
+  Crop crop = Crop::automatic;
   bool force = false;  // for check_centre_is_seen()
 };
 

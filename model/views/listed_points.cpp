@@ -92,11 +92,10 @@ ListedPoints points_beside(const ViewSet& set, const fs::path& model, const fs::
   if (!out.placed) return out;
   const std::optional<Similarity> move = between(pairs);
   if (!move)
-    fail(
-        Status::input,
-        "{}: the COLMAP model beside {} has cameras of the same names that are placed otherwise: its points are not of "
-        "that world",
-        model.string(), set.source.string());
+    fail(Status::input,
+         "{}: the COLMAP model beside {} has cameras of the same names at other places: its points are in other "
+         "coordinates",
+         model.string(), set.source.string());
   const bool same = move->scale == 1 && move->rotation.isIdentity(0) && move->translation.isZero(0);
   if (same) return out;
   for (ColoredPoint& point : out.points) point.position = move->apply(point.position);

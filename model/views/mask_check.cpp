@@ -33,10 +33,8 @@ MaskShares mask_shares(PixelRows& mask) {
 void check_masks(const std::string& set, std::span<const MaskShares> masks, std::size_t views) {
   if (masks.empty()) return;
   if (masks.size() < views) {
-    warn(
-        "{}: {} of the {} views that are used have a mask or an alpha channel; of the others the whole picture is "
-        "taken",
-        set, masks.size(), views);
+    warn("{}: {} of the {} views that are used have a mask or an alpha channel; the others use the whole picture", set,
+         masks.size(), views);
     return;
   }
   constexpr float black = 0.02f;  // 5 of 255
@@ -44,12 +42,11 @@ void check_masks(const std::string& set, std::span<const MaskShares> masks, std:
                            return a.brightest < b.brightest;
                          })->brightest;
   if (brightest < black)
-    fail(
-        Status::input,
-        "{}: the masks (or alpha channels) of all {} views that are used are black, their brightest value is {:.3g} of "
-        "255: white is the object, so nothing of it is left. Masks of 0 and 1 are to be stored as 0 and 255, those of "
-        "16 bits with values up to 65535",
-        set, masks.size(), 255 * brightest);
+    fail(Status::input,
+         "{}: the masks (or alpha channels) of all {} views that are used are black, their brightest value is {:.3g} "
+         "of 255: white is the object, so nothing of it is left. Store masks of 0 and 1 as 0 and 255, and masks of 16 "
+         "bits with values up to 65535",
+         set, masks.size(), 255 * brightest);
   warn_of_inverted_masks(set, masks);
 }
 
@@ -61,8 +58,8 @@ void warn_of_inverted_masks(const std::string& set, std::span<const MaskShares> 
   });
   if (2 * static_cast<std::size_t>(inverted) > masks.size())
     warn(
-        "{}: {} of {} masks are white along the picture's border and black inside: they seem to be inverted, and what "
-        "is white is taken for the object; invert them (`mogrify -negate masks/*.png`) where the object is black",
+        "{}: {} of {} masks are white along the picture's border and black inside: they seem to be inverted, since "
+        "white is taken for the object; if the object is black, invert them (`mogrify -negate masks/*.png`)",
         set, inverted, masks.size());
 }
 

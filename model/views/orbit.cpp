@@ -131,8 +131,8 @@ std::vector<Ball> without_floaters(std::vector<Ball> balls) {
   if (!(most > 0) || static_cast<double>(floaters) <= few * static_cast<double>(all)) return balls;
   std::erase_if(balls, is_far);
   warn(
-      "{} of {} visible Gaussians lie more than {:.3g} from the scene's middle, 10 times as far as most: the orbit is "
-      "laid round the others",
+      "{} of {} visible Gaussians lie more than {:.3g} from the scene's middle, 10 times as far as most: the orbit "
+      "goes around the others",
       floaters, all, most);
   return balls;
 }

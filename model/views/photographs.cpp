@@ -47,8 +47,8 @@ int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info
   if (turned && (c.width > c.height) == (info.width > info.height)) return 1;
   if (turned) return info.orientation;
   fail(Status::input,
-       "{}: the picture states EXIF orientation {}, and {} does not tell whether its pose is of the picture turned so "
-       "or as it is stored: store it turned (`mogrify -auto-orient`), or take the tag away (`exiftool -Orientation=`)",
+       "{}: the picture has EXIF orientation {}, and {} does not say whether its pose is for the turned picture or for "
+       "the stored one: store it turned (`mogrify -auto-orient`), or remove the tag (`exiftool -Orientation=`)",
        view.picture.string(), info.orientation, set.source.string());
 }
 

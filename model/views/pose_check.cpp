@@ -157,7 +157,7 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   }
   if (!swaps.empty() && chosen.moves_with_poses) {
     text += fmt::format(
-        ": the axes of the cameras do not meet before them. They would if the poses were meant as {}: correct the "
+        ": the axes of the cameras do not meet in front of them. They would if the poses were meant as {}: correct the "
         "poses",
         swaps);
   } else if (!swaps.empty()) {
@@ -165,11 +165,11 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   } else {
     text +=
         "; no swap of axes or of directions puts it into all of them: give vsplat_input_options.center and "
-        "vsplat_input_options.scale, or vsplat_input_options.auto_frame, which estimates them where the list has "
+        "vsplat_input_options.scale, or vsplat_input_options.auto_frame, which estimates them even if the list has "
         "others";
   }
   if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force.value_or(false))
-    fail(Status::input, "{}{}", text, force ? " (vsplat_input_options.force goes on regardless)" : "");
+    fail(Status::input, "{}{}", text, force ? " (vsplat_input_options.force continues regardless)" : "");
   warn("{}", text);
 }
 
@@ -188,8 +188,8 @@ std::string poses_that_meet(std::span<const Camera> cameras, PoseConvention conv
   }
   if (swaps.empty()) return "";
   return fmt::format(
-      "the axes of the {} cameras do not meet before them: they pass the nearest point by {:.0f} degrees on average, "
-      "and by {:.1f} if the poses were meant as {}: correct the poses if they were",
+      "the axes of the {} cameras do not meet in front of them: they pass the nearest point by {:.0f} degrees on "
+      "average, and by {:.1f} if the poses were meant as {}: correct the poses if they were",
       cameras.size(), as_listed, least, swaps);
 }
 
@@ -206,14 +206,14 @@ void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) 
   if (apart > 1e-9 * std::max(far, 1e-9)) return;
   if (turned < 1e-6)
     warn(
-        "{}: all {} views have the same pose, so that nothing tells what is near and what is far. Of an object that "
-        "turned before a camera that stood still, the poses must be those of the camera about the object: COLMAP finds "
-        "them where masks or a plain background hide what did not turn",
+        "{}: all {} views have the same pose, so distances cannot be found. If an object turned in front of a fixed "
+        "camera, the poses must be those of the camera relative to the object: COLMAP finds them if masks or a plain "
+        "background hide what did not turn",
         set, cameras.size());
   else
     warn(
-        "{}: all {} cameras are at one place and only turned, so that nothing tells what is near and what is far: "
-        "pictures from several places are needed",
+        "{}: all {} cameras are at one place and only turned, so distances cannot be found: pictures from several "
+        "places are needed",
         set, cameras.size());
 }
 

@@ -208,8 +208,7 @@ std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
   if (found > request.wanted)
     tell_left_over(out.size(), found);
   else if (found < request.least)
-    warn("{}: {} views have a picture where {} are expected: these are used", set.source.string(), found,
-         request.least);
+    warn("{}: {} views have a picture, {} are expected: these are used", set.source.string(), found, request.least);
   need_masks(set, out);
   return out;
 }

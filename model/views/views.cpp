@@ -58,7 +58,7 @@ Window object_window(const Camera& camera, const Framing& framing, const Picture
   if (!(at.z() > 0))
     fail(Status::input,
          "{}: the cube's centre ({}, {}, {}) is not in front of this camera (camera z {:.4g}); no square can be cut "
-         "about it",
+         "around it",
          names.picture, framing.centre.x(), framing.centre.y(), framing.centre.z(), at.z());
   const double side = edges_in_picture * framing.edge * std::max(camera.fx, camera.fy) / at.z();
   if (!(side > 0) || side > static_cast<double>(framing.size) * std::max(camera.width, camera.height))
@@ -78,15 +78,15 @@ Window centred_window(const Camera& camera, int side, int size) {
 
 Window find_window(const Camera& camera, const Framing& framing, const PictureNames& names) {
   const int shorter = std::min(camera.width, camera.height), longer = std::max(camera.width, camera.height);
-  switch (framing.fit) {
-    case Fit::crop:
+  switch (framing.crop) {
+    case Crop::crop:
       return centred_window(camera, shorter, framing.size);
-    case Fit::pad:
+    case Crop::pad:
       return centred_window(camera, longer, framing.size);
-    case Fit::automatic:
+    case Crop::automatic:
       if (shorter == longer) return centred_window(camera, longer, framing.size);
       break;
-    case Fit::object:
+    case Crop::object:
       break;
   }
   return object_window(camera, framing, names);
@@ -152,12 +152,12 @@ PreparedView prepared(FramedView view) { return {on_white(view.image), std::move
 
 }  // namespace
 
-Fit fit_from_name(const std::string& name) {
-  if (name == "auto") return Fit::automatic;
-  if (name == "object") return Fit::object;
-  if (name == "crop") return Fit::crop;
-  if (name == "pad") return Fit::pad;
-  fail(Status::usage, "fit {}: auto, object, crop or pad is expected", name);
+Crop crop_from_name(const std::string& name) {
+  if (name == "auto") return Crop::automatic;
+  if (name == "object") return Crop::object;
+  if (name == "crop") return Crop::crop;
+  if (name == "pad") return Crop::pad;
+  fail(Status::usage, "crop {}: auto, object, crop or pad is expected", name);
 }
 
 FramedView frame_view(const Camera& listed, PixelRows& picture, PixelRows* mask, const Framing& framing,

@@ -11,7 +11,7 @@
 namespace vsplat {
 
 // How a picture is cropped: the square of the undistorted picture that becomes the view.
-enum class Fit {
+enum class Crop {
   automatic,  // a square picture completely, unchanged if it has the network's size; `object` for other pictures
   object,     // centred on the projected cube centre, 1.5 cube edges (by the larger of fx and fy) wide at its depth
   crop,       // the largest centred square
@@ -19,11 +19,11 @@ enum class Fit {
 };
 
 // "auto", "object", "crop" or "pad"; otherwise Error(usage).
-Fit fit_from_name(const std::string& name);
+Crop crop_from_name(const std::string& name);
 
 struct Framing {
   int size = 0;  // S, the network's input size
-  Fit fit = Fit::automatic;
+  Crop crop = Crop::automatic;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // the object's cube, in the world
   double edge = 1;
 };

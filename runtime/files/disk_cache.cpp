@@ -43,9 +43,8 @@ void warn_of(const std::string& folder) {
   const std::lock_guard lock(mutex);
   if (warned.insert(folder).second)
     warn(
-        "{}: others may write to this folder, so that no compiled kernel, self-test's verdict or table of tuned "
-        "parameters is taken from it or kept there: `chmod go-w` it where it is yours, or name another one in "
-        "VSPLAT_CACHE_DIR",
+        "{}: others may write to this folder, so no compiled kernel, self-test's verdict or table of tuned parameters "
+        "is read from it or stored there: `chmod go-w` it if it is yours, or name another one in VSPLAT_CACHE_DIR",
         folder);
 }
 

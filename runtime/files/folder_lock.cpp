@@ -14,7 +14,7 @@ FolderLock::FolderLock(const std::string& folder, const std::string& called) {
       make(folder, called);
       if (hold(folder, called)) return;
     }
-    fail(Status::file, "{}: is made and taken away by another process again and again", called);
+    fail(Status::file, "{}: another process creates and removes it again and again", called);
   } catch (...) {
     remove_made();
     throw;

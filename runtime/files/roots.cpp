@@ -43,8 +43,8 @@ bool Roots::hold(const fs::path& file) {
 void Roots::need(const fs::path& file, const std::string& who) {
   if (hold(file)) return;
   fail(Status::file,
-       "{} {} lies outside {}, links followed; put it there, or permit files outside (vsplat_file_rules.allow_outside) "
-       "if its origin is trusted",
+       "{} {} lies outside {} (after following links); put it inside, or permit files outside "
+       "(vsplat_file_rules.allow_outside) if its origin is trusted",
        who, printable(file.string()), fmt::join(named_, ", "));
 }
 

@@ -68,7 +68,7 @@ void StagedFolder::carry_over(const std::function<bool(const std::string& inside
     const std::error_code problem =
         is_folder(entry) ? sys::make_folder(to, sys::Whose::everybody) : sys::link(entry.path(), to);
     if (problem)
-      fail(Status::file, "{}: is none of the files that are replaced, and cannot be kept: {}; move it elsewhere",
+      fail(Status::file, "{}: is not one of the files that are replaced, but cannot be kept: {}; move it elsewhere",
            entry.path().string(), problem.message());
   });
 }

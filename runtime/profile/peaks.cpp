@@ -136,7 +136,7 @@ double gflops_seen(const Profile& profile) {
 Peaks peaks_of(Context& ctx, double gflops_seen) {
   const auto known = known_peaks(ctx);
   if (known && gflops_seen <= 1.02 * known->gflops) return *known;
-  info("measuring once what {} can do at the most, for profiles", ctx.device().name);
+  info("measuring the peak rates of {} once, for profiles", ctx.device().name);
   const bool recording = ctx.profiler().enabled();
   ctx.finish();
   ctx.profiler().enable(false);

@@ -165,7 +165,7 @@ std::string profile_table(const Profile& profile, const std::optional<Peaks>& pe
   std::string out = kernel_lines(profile, peaks) + host_lines(split) + stage_lines(split);
   out += fmt::format("kernels {:.3f} s, wall {:.3f} s, not in kernels {:.3f} s\n", total, wall, wall - total);
   if (profile.without_times)
-    out += fmt::format("{} launches came without usable times from the driver and count as 0\n", profile.without_times);
+    out += fmt::format("{} launches have no usable times from the driver and count as 0\n", profile.without_times);
   return out;
 }
 

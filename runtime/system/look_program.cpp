@@ -131,7 +131,7 @@ int main(int argc, char** argv) {
   void* library = ::dlopen(argv[3], (std::strcmp(argv[2], "now") == 0 ? RTLD_NOW : RTLD_LAZY) | RTLD_LOCAL);
   if (!library) {
     const char* why = ::dlerror();
-    tell({"not loaded", why ? why : "for no reason that is told"});
+    tell({"not loaded", why ? why : "for an unknown reason"});
     return 0;
   }
   link_map* map = nullptr;

@@ -50,8 +50,8 @@ Ranks::Ranks() {
   module_ = sys::load_library(path, sys::Symbols::shared, why);
   if (!module_)
     fail(Status::usage,
-         "this process is one of several that mpirun started, and each would do all of the work: the module for MPI is "
-         "not there ({}). Build with -DVSPLAT_MPI=ON, or start one process",
+         "this process is one of several that mpirun started, but the module for MPI is not there ({}), so each "
+         "process would do all of the work. Build with -DVSPLAT_MPI=ON, or start one process",
          why.empty() ? path : why);
   hold(function<int(int*, int*)>(module_, "vsplat_mpi_start")(&rank_, &count_), "MPI_Init_thread");
   // A process that ends without this counts as crashed.
@@ -60,8 +60,8 @@ Ranks::Ranks() {
   std::atexit([] { end(); });
   if (count_ == 1)
     fail(Status::usage,
-         "this process is one of several, but MPI ({}) sees it alone, and each would do all of the work: what started "
-         "it is of another MPI than the module was built with (srun starts Open MPI by PMIx), or start one process",
+         "this process is one of several, but MPI ({}) sees only one, so each process would do all of the work: start "
+         "them with the MPI that the module was built with (srun starts Open MPI by PMIx), or start one process",
          path);
 }
 

@@ -39,7 +39,7 @@ std::string wrong_in(const std::string& path, const DeviceInfo& device) {
 
 // How to run with a table, as text.
 std::string way_to(const std::string& hash, const DeviceInfo& device) {
-  const std::string go_on = "To go on with what it was begun with, set VSPLAT_TUNING";
+  const std::string go_on = "To continue with the same as before, set VSPLAT_TUNING";
   if (hash.empty()) return go_on + "=off";
   const bool a_hash = hash.size() == 64 && hash.find_first_not_of("0123456789abcdef") == std::string::npos;
   const std::string kept = a_hash ? kept_tuning_path(hash) : "";
@@ -47,8 +47,8 @@ std::string way_to(const std::string& hash, const DeviceInfo& device) {
   if (kept.empty() || !std::filesystem::exists(kept, error)) return go_on + " to that table's file";
   if (const std::string wrong = wrong_in(kept, device); !wrong.empty())
     return fmt::format(
-        "That table is refused: a self-test has found wrong what it chooses, {}. Begin again; VSPLAT_SELFTEST=ignore "
-        "with VSPLAT_TUNING={} goes on with it all the same",
+        "That table is refused: a self-test has found a choice of it wrong, {}. Begin again; VSPLAT_SELFTEST=ignore "
+        "with VSPLAT_TUNING={} uses it all the same",
         wrong, kept);
   return go_on + "=" + kept;
 }
@@ -71,16 +71,15 @@ void hold_tuning(const Context& ctx, std::map<std::string, std::string>& state) 
 void refuse_other_tuning(const Context& ctx, const std::map<std::string, std::string>& state, const std::string& path) {
   const std::string before = value_of(state, "tuning", ""), now = ctx.tuning().hash();
   if (before != now)
-    fail(Status::usage, "{}: was begun with {}, and this device runs with {}: other sums, and other bits. {}", path,
+    fail(Status::usage,
+         "{}: was begun with {}, but this device runs with {}, which would change the bits of the results. {}", path,
          table_named(before), table_named(now), way_to(before, ctx.device()));
   if (const std::string precision = value_of(state, "precision", "fp32"); precision != name_of(ctx.precision()))
-    fail(Status::usage, "{}: was begun in {}, and this device computes in {}: choose {} to go on", path,
+    fail(Status::usage, "{}: was begun in {}, but this device computes in {}: choose {} to continue", path,
          printable(precision), name_of(ctx.precision()), printable(precision));
   if (const std::string off = value_of(state, "switched_off", ""), off_now = switched_off_of(ctx); off != off_now)
-    warn(
-        "{}: goes on with other sums, and other bits: switched off by a self-test was {} when it was begun, and is {} "
-        "now",
-        path, off.empty() ? "nothing" : printable(off), off_now.empty() ? "nothing" : off_now);
+    warn("{}: the bits of the results change: a self-test had switched off {} when it was begun, and {} now", path,
+         off.empty() ? "nothing" : printable(off), off_now.empty() ? "nothing" : off_now);
 }
 
 }  // namespace vsplat

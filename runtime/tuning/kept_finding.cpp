@@ -38,7 +38,7 @@ std::optional<std::string> kept_finding(const std::string& path) {
   const std::optional<sys::FileFacts> found = path.empty() ? std::nullopt : sys::facts_of_entry(path);
   if (!found) return std::nullopt;
   if (!found->is_file() || !found->ours_alone)
-    fail(Status::file, "{}: others may write to it: `chmod go-w` it where it is yours", path);
+    fail(Status::file, "{}: others may write to it: `chmod go-w` it if it is yours", path);
   const std::vector<unsigned char> text = found->size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
   return std::string(text.begin(), text.end());
 }

@@ -263,8 +263,8 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
     const TuningSubject here = tuning_subject(device, flavour);
     if (table.of != here)
       fail(Status::usage,
-           "{} (VSPLAT_TUNING) is a table for {}; this is {}: unset VSPLAT_TUNING, and each device has the table that "
-           "vsplat_tune has made for it, or set VSPLAT_TUNING=off",
+           "{} (VSPLAT_TUNING) is a table for {}; this is {}: unset VSPLAT_TUNING to use each device's own table of "
+           "vsplat_tune, or set VSPLAT_TUNING=off",
            asked, text_of(table.of), text_of(here));
     return std::make_shared<const Tuning>(table.choice);
   }
@@ -277,13 +277,12 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
   if (!fs::exists(path, error)) return none;
   try {
     if (!ours_alone(path))
-      fail(Status::file, "{}: others may write to it, so that it is not taken: `chmod go-w` it where it is yours",
-           path);
+      fail(Status::file, "{}: others may write to it, so it is not used: `chmod go-w` it if it is yours", path);
     const TuningTable table = read_tuning(path);
     if (table.of != here) fail(Status::format, "{}: a table for {}", path, text_of(table.of));
     return std::make_shared<const Tuning>(table.choice);
   } catch (const Error& e) {
-    warn("no tuned parameters are used: {}; vsplat_tune makes a table again", e.what());
+    warn("no tuned parameters are used: {}; vsplat_tune makes a new table", e.what());
     return none;
   }
 }

@@ -107,7 +107,7 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   } catch (const nlohmann::json::exception&) {  // written by another version
     return std::nullopt;
   } catch (const Error& e) {  // an unreadable file counts as no verdict
-    warn_once(fmt::format("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it again", device.name,
+    warn_once(fmt::format("a self-test's verdict on {} is not used: {}; vsplat_selftest makes a new one", device.name,
                           e.what()));
     return std::nullopt;
   }
@@ -138,9 +138,10 @@ std::vector<KeptVerdict> kept_verdicts() {
 bool remember(const DeviceInfo& device, const Verdict& verdict) {
   const std::string path = verdict_path(device);
   if (path.empty()) {
-    warn("nothing is remembered of the self-test: {}",
-         keeps_findings() ? "there is no folder to keep it in, since VSPLAT_CACHE_DIR is off, or others may write to it"
-                          : "VSPLAT_KERNEL_DIR is set, and VSPLAT_CACHE_DIR names no folder for what is its own");
+    warn("the self-test's verdict is not stored: {}",
+         keeps_findings()
+             ? "there is no folder to store it in, since VSPLAT_CACHE_DIR is off, or others may write to that folder"
+             : "VSPLAT_KERNEL_DIR is set, but VSPLAT_CACHE_DIR names no folder of its own for such kernels");
     return false;
   }
   nlohmann::ordered_json json{{"verdict", name_of(verdict.fitness)},
@@ -158,7 +159,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
     keep_finding(path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     return true;
   } catch (const Error& e) {
-    warn("nothing is remembered of the self-test: {}; set VSPLAT_CACHE_DIR to a folder that can be written", e.what());
+    warn("the self-test's verdict is not stored: {}; set VSPLAT_CACHE_DIR to a folder that can be written", e.what());
     return false;
   }
 }
@@ -169,8 +170,8 @@ SwitchedOff fit_for_use(const DeviceInfo& device) {
   if (!verdict) return {};
   if (verdict->fitness == Fitness::unusable)
     fail(Status::device,
-         "{} with driver {} computes wrongly, and there is nothing else to do it with: {} (self-test of {}). Take "
-         "another device or another driver, or set VSPLAT_SELFTEST=ignore to use it all the same",
+         "{} with driver {} computes wrongly, and there is no other way to compute: {} (self-test of {}). Take another "
+         "device or another driver, or set VSPLAT_SELFTEST=ignore to use it all the same",
          device.name, device.driver, verdict->worst, verdict->date);
   if (verdict->off.any())
     verbose("{}: not used since the self-test of {}: {}", device.name, verdict->date, in_words(verdict->off));

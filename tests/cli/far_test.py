@@ -94,18 +94,18 @@ class Far(support.Case):
                     at_origin = got
             self.hold(str(how(distance)[0]), distance, got, at_origin)
 
-    def test_refinement(self):
+    def test_fit(self):
         for start in ("network", "random", "scene"):
             for distance in (0, 1e7):
                 views, scene = self.moved(distance), self.path(f"{start}_{distance:g}.ply")
                 first = self.path(f"network_{distance:g}.ply") if start == "scene" else start
                 more = ("--model", self.model, "--view-count", 4) if start == "network" else ()
-                told = self.told("refine", views, "--start", first, *more, "--holdout", 1, "--steps", 20, "--poses", "--output", scene)
+                told = self.told("fit", views, "--start", first, *more, "--holdout", 1, "--steps", 20, "--poses", "--output", scene)
                 self.assertEqual("offset" in told, distance > 0)
                 got = self.pictures(scene, views, f"{start}_{distance:g}")
                 if distance == 0:
                     at_origin, scores = got, told
-                self.hold(f"refine --start {start}", distance, got, at_origin)
+                self.hold(f"fit --start {start}", distance, got, at_origin)
                 for key in ("start", "result"):
                     self.assertAlmostEqual(told[key]["psnr"], scores[key]["psnr"], 2)
                 # The corrected cameras are in the world, too.
@@ -137,11 +137,11 @@ class Far(support.Case):
         views = shutil.copy(os.path.join(far, "transforms.json"), os.path.join(far, "one.offset.json"))
         self.refuses(2, "cannot be the output", "reconstruct", views, "--model", self.model, "--output", os.path.join(far, "one.ply"), "--overwrite")
 
-    def test_a_file_of_floats_far_away_is_refined_about_its_cube(self):
+    def test_a_file_of_floats_far_away_is_fitted_about_its_cube(self):
         """Precision that the file's floats have lost stays lost, but no more is."""
         spots = [(1e5 + 0.25 * math.sin(i), 1e5 + 0.25 * math.cos(2.3 * i), 1e5 + 0.25 * math.sin(5.1 * i)) for i in range(60)]
         support.write_scene(self.path("ball.ply"), [(at, (0.5, 0.5, 0.5), 0.06, 0.7) for at in spots])
-        told = self.told("refine", self.moved(1e5), "--start", self.path("ball.ply"), "--holdout", 1, "--steps", 20, "--output", self.path("out.ply"))
+        told = self.told("fit", self.moved(1e5), "--start", self.path("ball.ply"), "--holdout", 1, "--steps", 20, "--output", self.path("out.ply"))
         self.assertEqual(told["offset"], [1e5] * 3)
 
 

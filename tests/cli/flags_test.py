@@ -50,7 +50,7 @@ class Flags(support.Case):
         err = self.refuses(1, ["no device", "(--device)"], *self.reconstruct("--device", "quantum"))
         self.assertNotIn("vsplat_", err)
         aside = self.reconstruct("--center", "0,500,0")  # in no view's picture
-        err = self.refuses(1, ["outside", "--center and --scale, or --auto-frame", "(--force goes on"], *aside)
+        err = self.refuses(1, ["outside", "--center and --scale, or --auto-frame", "(--force continues"], *aside)
         self.assertNotIn("vsplat_", err)
         self.refuses(2, "--views nobody", *self.reconstruct("--views", "0,nobody"))
         err = self.refuses(1, "(--max-memory, ", *self.reconstruct("--max-memory", "0.0005"))

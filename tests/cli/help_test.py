@@ -94,7 +94,7 @@ class Help(support.Case):
         self.assertEqual(self.complete("weights", "v"), ["verify"])
         self.assertEqual(self.complete("weights", "convert", "--dt"), ["--dtype"])
         self.assertEqual(self.complete("weights", "convert", "--dtype", ""), ["f16", "f32"])
-        self.assertEqual(self.complete("reconstruct", "photos", "--fit", "o"), ["object"])
+        self.assertEqual(self.complete("reconstruct", "photos", "--crop", "o"), ["object"])
         self.assertEqual(self.complete("dataset", "render", "--tex"), ["--texture"])
         self.assertEqual(self.complete("render", "--tex"), [])           # not the data set's option
         self.assertEqual(self.complete("bench", "--kernels", "g"), ["gpu"])

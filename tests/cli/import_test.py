@@ -114,7 +114,7 @@ class Import(Checkpoints):
         name = "net.dir_norm.mlp.0.weight"
         self.refused(["1 of", "missing", "dir_norm.mlp.0.weight"], "missing.ckpt")
         self.refused([name, "[32, 12]", "[12, 32]"], "misshapen.ckpt")
-        self.refused("parts of it stand for many values", "repeated.ckpt")
+        self.refused("several values share parts of it", "repeated.ckpt")
         self.refused([name, "I64", "F32"], "whole.ckpt")
         self.refused([name, "nan"], "nan.ckpt")
         self.refused(["missing", "dir_norm.mlp.0.weight"], "text.ckpt")
@@ -126,7 +126,7 @@ class Import(Checkpoints):
         for words, name in (("LaRa", "lara.ckpt"), ("GenDen's network", "genden.ckpt"), ("with GenDen's densifier", "densified.ckpt"), ("Plücker", "share.ckpt"),
                             (["DINOv3", "Hugging Face"], "dinov3.pth"), ("no dict", "list.pth"), ("no tensors", "empty.pth"),
                             (["before PyTorch 1.6", "save it again"], "old.pth"), (["protocol 4", "expected 2"], "protocol.pth"),
-                            ("torch.nn.modules.linear Linear", "module.pth"), ("compressed", "script.pt"), ("no zip archive", "model.safetensors")):
+                            ("torch.nn.modules.linear Linear", "module.pth"), ("compressed", "script.pt"), ("not a zip archive", "model.safetensors")):
             with self.subTest(name=name):
                 self.refused(words, name)
         open(self.path("nothing.ckpt"), "w").close()
@@ -207,7 +207,7 @@ class Lara(support.Case):
         many = self.make_views("many", count=5)
         self.refuses(2, ["5 views", "1 to 3", "view_slots"], "reconstruct", many, "--model", made, "--view-count", 5, "--output", self.path("none.ply"))
         self.refuses(2, "selects no voxels", "reconstruct", self.views, "--model", made, "--selection-seed", 1, "--output", self.path("none.ply"))
-        self.refuses(2, ["LaRa's network", "VS-Splat's"], "refine", self.views, "--model", made, "--start", "network", "--steps", 1, "--output", self.path("none.ply"))
+        self.refuses(2, ["LaRa's network", "VS-Splat's"], "fit", self.views, "--model", made, "--start", "network", "--steps", 1, "--output", self.path("none.ply"))
 
     def test_what_is_another_networks_is_refused(self):
         self.refuses(2, ["view_slots", "3", "4"], "weights", "import", self.CHECKPOINT, "--set", "view_slots=4", "--output", self.path("none.safetensors"))

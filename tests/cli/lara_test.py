@@ -89,7 +89,7 @@ class Lara(support.Case):
 
     def test_what_it_cannot_do_is_refused_by_name(self):
         self.refuses(2, "LaRa", "reconstruct", self.views, "--model", self.lara, "--output", self.path("none.ply"), "--selection-seed", 1)
-        self.refuses(2, "surfels", "refine", self.views, "--start", self.scene(), "--output", self.path("none.ply"))
+        self.refuses(2, "surfels", "fit", self.views, "--start", self.scene(), "--output", self.path("none.ply"))
 
 
 class LaraTrained(train_support.Case):

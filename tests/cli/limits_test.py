@@ -35,7 +35,7 @@ class Limits(train_support.Case):
         os.makedirs(out())
         _, err = self.succeeds("reconstruct", self.views, "--model", self.model, "--output", out("scene.ply"), "--render", "orbit:2",
                                "--images", out("pictures"), "--size", "70x45", env=env)
-        self.succeeds("refine", self.views, "--start", self.ball, "--output", out("refined.ply"), "--holdout", 1, "--steps", 3,
+        self.succeeds("fit", self.views, "--start", self.ball, "--output", out("refined.ply"), "--holdout", 1, "--steps", 3,
                       "--log", out("refined.csv"), "--quiet", env=env)
         config = self.config(f"{name}_{kernels}.json", steps=2, warmup=1)
         self.succeeds("train", config, "--data", self.solids, "--output", out("run"), "--quiet", env=env)
@@ -128,7 +128,7 @@ class Planned(support.Case):
 
     def test_no_launch_is_too_long(self):
         """Plans at the paper's size, forward; a training step of the small model; drawing and fitting at the sizes that `kernels` plans with."""
-        for name, jobs in (("paper", "reconstruct,render,refine"), ("small", "train")):
+        for name, jobs in (("paper", "reconstruct,render,fit"), ("small", "train")):
             model = self.path(name + ".safetensors")
             self.succeeds("init", name, "--seed", 1, "--output", model, "--quiet")
             kernels = self.kernels(model, "--for", jobs)

@@ -146,7 +146,7 @@ class Ranks(train_support.Case):
         self.assertIn("--skip-existing goes on", err)
 
     def test_what_mpi_sees_alone_is_not_one_of_several(self):
-        self.refuses(2, "sees it alone", "evaluate", self.solids, env={"PMI_SIZE": "2"})
+        self.refuses(2, "sees only one", "evaluate", self.solids, env={"PMI_SIZE": "2"})
         code, _, err = ranks(2, "evaluate", "--table", self.path("table.json"))
         self.assertNotEqual(code, 0)
 

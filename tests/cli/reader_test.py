@@ -83,9 +83,9 @@ class Reader(MeshCase):
         procedural = ("dataset", "procedural", "--count", 1, "--size", 16, "--views", 1, "--output", self.path("set"), "--overwrite", "--quiet")
         self.succeeds(*procedural, env=env)
         os.unlink(rays)
-        self.refuses(1, [rays, "vsplat-rays.so, which is installed beside the library", "libvsplat1-data"], *procedural, env=env)
+        self.refuses(1, [rays, "vsplat-rays.so, which draws meshes and random objects, cannot be loaded", "libvsplat1-data"], *procedural, env=env)
         shutil.copy(LIBRARY, rays)  # a library, but not the module
-        self.refuses(1, [rays, "is not of vsplat"], *procedural, env=env)
+        self.refuses(1, [rays, "does not belong to vsplat"], *procedural, env=env)
 
     def test_other_formats(self):
         for name in ("a.off", "a.3mf", "a.md5mesh", "a.ase"):

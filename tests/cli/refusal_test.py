@@ -116,7 +116,7 @@ class Views(support.Case):
         self.refuses(1, "cube", *self.reconstruct("--scale", "5"))                         # a corner is behind a camera
         self.refuses(1, "cube", *self.reconstruct("--scale", "5", "--force"))              # --force does not allow that
         self.refuses(1, ["w2c"], *self.swapped(), "--center", "0,0,0", "--scale", 1)
-        self.refuses(1, ["w2c", "do not meet before them"], "reconstruct", self.path("swapped"), "--view-count", 3, "--model", self.model, "--output", self.path("x.ply"))
+        self.refuses(1, ["w2c", "do not meet in front of them"], "reconstruct", self.path("swapped"), "--view-count", 3, "--model", self.model, "--output", self.path("x.ply"))
 
     def swapped(self):
         """OpenGL camera-to-world matrices in our cameras.json, which has OpenCV world-to-camera ones."""

@@ -225,7 +225,7 @@ class Selftest(SelftestCase):
             env["POCL_CACHE_DIR"] = os.path.join(os.path.expanduser("~"), ".cache", "pocl", "kcache")
         report, err = self.selftest(0, env)
         self.assertEqual((report["verdict"], report["remembered"]), ("ok", "no"))
-        self.assertIn("nothing is remembered", err)
+        self.assertIn("verdict is not stored", err)
 
     def test_asks_for_what_there_is(self):
         self.refuses(1, ["no device is", "--device"], "selftest", "--device", "nowhere")

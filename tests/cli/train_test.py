@@ -141,7 +141,7 @@ class Train(train_support.Case):
         weights = self.path("small", "model.safetensors")
         larger = self.config("larger.json", lr=1e-30, steps=1, warmup=0, model={"base": "micro", "image": 32, "volume": 8, "views": 3})
         _, err = self.succeeds(*self.train(larger, "larger", "--init", weights))
-        self.assertIn("made for pictures of 16 pixels and 4 voxels an edge, goes on with 32 and 8; 6 places within a voxel scaled by 0.5", err)
+        self.assertIn("made for pictures of 16 pixels and 4 voxels an edge, continues with 32 and 8; 6 places within a voxel scaled by 0.5", err)
         old, new = (self.values(run, "model.safetensors") for run in ("small", "larger"))
         self.assertEqual(list(old), list(new))
         for name in old:
@@ -156,7 +156,7 @@ class Train(train_support.Case):
         fields = dict(steps=6, stages=[{"steps": 5}, {"lr": 2e-4, "model": {"image": 32, "volume": 8}}])
         config = self.config(**fields)
         _, err = self.succeeds(*self.train(config, "whole"))
-        for words in ("stage 1 of 2", "step 5 of 5", "stage 2 of 2", "goes on with 32 and 8", "step 6 of 6"):
+        for words in ("stage 1 of 2", "step 5 of 5", "stage 2 of 2", "continues with 32 and 8", "step 6 of 6"):
             self.assertIn(words, err)
         self.assertEqual(sorted(os.listdir(self.path("whole"))), ["config.json", "model.safetensors", "report.html", "stage-1", "stage-2"])
         self.assertEqual(self.read("whole", "model.safetensors"), self.read("whole", "stage-2", "model.safetensors"))
@@ -347,7 +347,7 @@ class Train(train_support.Case):
         self.assertIn(".png", err)
         out, err = self.succeeds(*self.train(config, "skipped", "--skip-bad", "--json", data=data))
         self.assertGreater(json.loads(out)["bad"], 0)
-        self.assertIn("passed over", err)
+        self.assertIn("it is skipped", err)
         self.assertIn("solid_0001", err)
         self.refuses(1, self.path("empty"), *self.train(config, "none", data=self.path("empty")))
 

@@ -23,10 +23,17 @@ class Usage(support.Case):
         self.succeeds("init", "micro", "--seed", 1, "--out", self.path("m.safetensors"), "--quiet")
         self.succeeds("init", "micro", "--seed", 1, "--output-path=" + self.path("n.safetensors"), "--quiet")
         self.assertTrue(os.path.exists(self.path("a", "0000.png")) and os.path.exists(self.path("n.safetensors")))
-        self.refuses(2, ["--steps", "whole number"], "refine", self.views, "--start", "random", "--out", self.path("x.ply"), "--iterations", "many")
+        self.refuses(2, ["--steps", "whole number"], "fit", self.views, "--start", "random", "--out", self.path("x.ply"), "--iterations", "many")
         self.refuses(2, "unknown arguments --iterations, 3", "render", self.path("scene.ply"), "--iterations", 3)  # render has no steps
         # After a double dash everything is a name, whatever it looks like.
         self.refuses(1, "--input", "render", *drawn, "--images", self.path("c"), "--", "--input")
+
+    def test_earlier_names(self):
+        self.assertEqual(self.succeeds("help", "refine"), self.succeeds("help", "fit"))
+        self.refuses(2, "fit needs --start", "refine", self.views, "--output", self.path("x.ply"))
+        self.refuses(2, ["--crop", "squash"], *self.reconstruct("--fit", "squash"))
+        overview, _ = self.succeeds("--help")
+        self.assertNotIn("refine", overview)
 
     def test_the_nearest_name(self):
         for given, meant in (("--ouput", "--output"), ("--outptu", "--output"), ("--refin", "--refine"), ("--centr", "--center"), ("--autoframe", "--auto-frame")):
@@ -80,7 +87,7 @@ class Usage(support.Case):
                                 ("--scale", "0", "-1", "x", "nan", "1e999", "1e-60", "1e60", "2 "),
                                 ("--near", "0", "-0.1", "z", "1e60"),
                                 ("--background", "255,255,255", "1,1", "-1,0,0", "pinkish", "#12345", "#12345g", "#1234567"), ("--size", "0x5", "5", "5x", "5x5x5", "-5x5", "1e9x1"),
-                                ("--fit", "squash"), ("--format", "gif"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
+                                ("--crop", "squash"), ("--format", "gif"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
                                 ("--assume-selected", "0", "1.1", "-1"), ("--up", "0,0,0"), ("--orbit-radius", "0", "-2", "1e-60"),
                                 ("--orbit-elevation", "90", "-100"), ("--kernels", "fpga"), ("--gemm", "mkl"), ("--max-memory", "0", "-3", "nan", "inf", "1x", "0x10", " 1"),
                                 ("--render", "orbit:0", "orbit:", "orbit:-3", "orbit:x")):

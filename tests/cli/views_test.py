@@ -119,7 +119,7 @@ class Views(support.Case):
             self.assertIn("1 of 3", err)
             self.assertIn(word, err)
             self.assertEqual(self.given("--views", "0,2")[0], clean, "what nothing uses is not checked")
-            code, _, err = support.run("refine", self.views, "--start", "random", "--steps", 1, "--skip-bad", "--center", "0,0,0", "--scale", 1,
+            code, _, err = support.run("fit", self.views, "--start", "random", "--steps", 1, "--skip-bad", "--center", "0,0,0", "--scale", 1,
                                        "--output", self.path("fitted.ply"), "--overwrite")
             self.assertEqual(code, 0, err)
             self.assertIn("1 of 3", err)
@@ -205,7 +205,7 @@ class Views(support.Case):
         for brightest in (0, 1):
             self.masked(brightest, 0)
             self.refuses(1, ["black", "white is the object"], *self.reconstruct("--center", "0,0,0", "--scale", 1))
-            self.refuses(1, "black", "refine", self.views, "--start", "random", "--steps", 1, "--output", self.path("fitted.ply"))
+            self.refuses(1, "black", "fit", self.views, "--start", "random", "--steps", 1, "--output", self.path("fitted.ply"))
 
     def test_masks_of_data_sets(self):
         for inverted in (False, True):
@@ -272,7 +272,7 @@ class Views(support.Case):
         with open(self.path("views", "points.ply"), "w") as f:
             f.write("ply\nformat ascii 1.0\nelement vertex 40\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n"
                     "property uchar green\nproperty uchar blue\nend_header\n" + "".join(f"{0.01 * i} {0.2 - 0.01 * i} 0.1 {i} 99 200\n" for i in range(40)))
-        _, err = self.succeeds("refine", self.views, "--start", "points", "--steps", 1, "--output", self.path("fitted.ply"))
+        _, err = self.succeeds("fit", self.views, "--start", "points", "--steps", 1, "--output", self.path("fitted.ply"))
         self.assertIn("40 of the 40 points", err)
 
 

@@ -1,6 +1,6 @@
 # The public header as C programs use it.
-foreach(name c99_test cancel_test edit_test gradient_test jobs_test lifetimes_test memory_test opencl_bytes_test opencl_test
-    pictures_test refine_api_test share_test threads_test train_api_test)
+foreach(name c99_test cancel_test edit_test fit_api_test gradient_test jobs_test lifetimes_test memory_test opencl_bytes_test opencl_test
+    pictures_test share_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})
@@ -17,7 +17,7 @@ set_tests_properties(cpp_test PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${
 set_tests_properties(cancel_test PROPERTIES LABELS "unit;slow" TIMEOUT 600 COST 200 PROCESSORS 2)
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
-foreach(name cancel_test jobs_test lifetimes_test memory_test opencl_test refine_api_test share_test threads_test train_api_test)
+foreach(name cancel_test fit_api_test jobs_test lifetimes_test memory_test opencl_test share_test threads_test train_api_test)
   target_compile_definitions(${name} PRIVATE _POSIX_C_SOURCE=200809L _DEFAULT_SOURCE)
   target_link_libraries(${name} PRIVATE Threads::Threads)
 endforeach()

@@ -2,7 +2,7 @@
 find_package(Python3 COMPONENTS Interpreter REQUIRED)
 # Python exits with 0 even if it skips a test; the last line of its output shows that.
 set(python_skipped "OK \\(skipped=")
-foreach(part accidents bench cameras check convert dataset doctor driver_state evaluate far flags full_disk genden help import kernels lara pictures precision profile reader refine refusal report run selftest share strangers tables train train_learns train_report tune usage views)
+foreach(part accidents bench cameras check convert dataset doctor driver_state evaluate far fit flags full_disk genden help import kernels lara pictures precision profile reader refusal report run selftest share strangers tables train train_learns train_report tune usage views)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py)
   set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
@@ -117,9 +117,9 @@ add_test(NAME cli_import_mutations
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/import_test.py Hostile HostileLara HostileGenden HostileDinov3)
 set_tests_properties(cli_import_mutations PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MUTATIONS=all;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
-add_test(NAME cli_refine_kills
-  COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/refine_test.py Refine.test_killed_at_any_moment)
-set_tests_properties(cli_refine_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds}
+add_test(NAME cli_fit_kills
+  COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/fit_test.py Fit.test_killed_at_any_moment)
+set_tests_properties(cli_fit_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds}
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_KILLS=20;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 add_test(NAME cli_train_kills
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/train_test.py Train.test_killed_at_any_moment)

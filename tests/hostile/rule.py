@@ -42,11 +42,11 @@ def commands(role, path, sound, out):
                 ("convert", ("weights", "convert", path, "--dtype", "f16", "--output", to("m.safetensors"))),
                 ("reconstruct", (*reconstruct, "--model", path)), ("evaluate", ("evaluate", objects, "--model", path, *EXPENSIVE)),
                 ("train", ("train", config, "--data", at("set"), "--init", path, "--output", to("run"), *EXPENSIVE)),
-                ("refine", ("refine", objects, "--start", "network", "--model", path, "--steps", "1", "--output", to("s.ply"), *EXPENSIVE))]
+                ("fit", ("fit", objects, "--start", "network", "--model", path, "--steps", "1", "--output", to("s.ply"), *EXPENSIVE))]
     if role == "views":
         return [("info", ("dataset", "info", path)),
                 ("reconstruct", ("reconstruct", path, "--model", model, "--views", "@0,@1", "--output", to("s.ply"), "--verbose", *EXPENSIVE)),
-                ("refine", ("refine", path, "--start", scene, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE)),
+                ("fit", ("fit", path, "--start", scene, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE)),
                 ("evaluate", ("evaluate", path, "--model", model, *EXPENSIVE)),
                 ("train", ("train", config, "--data", path, "--output", to("run"), *EXPENSIVE)),
                 ("render", ("render", scene, "--cameras", path, "--size", "16x16", "--images", to("x"), *EXPENSIVE))]
@@ -62,11 +62,11 @@ def commands(role, path, sound, out):
     if role == "scene":
         return [("render", ("render", path, "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
                 ("skip", ("render", path, "--skip-bad", "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
-                ("refine", ("refine", objects, "--start", path, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE))]
+                ("fit", ("fit", objects, "--start", path, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE))]
     if role == "run":
         return [("resume", ("train", config, "--data", at("set"), "--resume", "--output", to("given"), *EXPENSIVE))]
     if role == "state":
-        return [("resume", ("refine", objects, "--start", scene, "--steps", "3", "--size", "16", "--checkpoint", to("given"), "--resume", "--output", to("s.ply"), *EXPENSIVE))]
+        return [("resume", ("fit", objects, "--start", scene, "--steps", "3", "--size", "16", "--checkpoint", to("given"), "--resume", "--output", to("s.ply"), *EXPENSIVE))]
     if role == "textures":
         return [("procedural", ("dataset", "procedural", "--count", "1", "--views", "1", "--size", "16", "--textures", path, "--output", to("set")))]
     if role == "lpips":
@@ -94,7 +94,7 @@ def make_sound(folder, run, write_scene):
         json.dump({"model": "micro", "steps": 2, "warmup": 1, "log_every": 1, "sheet_every": 0, "checkpoint_every": 1}, f)
     done("train", at("config.json"), "--data", at("set"), "--output", at("run"))
     write_scene(at("scene.ply"), [((0.1 * i - 0.3, 0, 0), (i / 6, 1, 0), 0.08, 0.8) for i in range(7)])
-    done("refine", at("set", "object"), "--start", at("scene.ply"), "--steps", 3, "--size", 16, "--checkpoint", at("state"), "--output", at("refined.ply"))
+    done("fit", at("set", "object"), "--start", at("scene.ply"), "--steps", 3, "--size", 16, "--checkpoint", at("state"), "--output", at("refined.ply"))
     os.remove(at("refined.ply"))
 
 

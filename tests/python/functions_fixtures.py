@@ -172,11 +172,11 @@ class Handles:
         self.api.call("vsplat_animation_add", out, c.byref(picture(self.api)), EDGE, EDGE)
         return out
 
-    def refinement(self):
-        return self.api.struct("vsplat_refine_options", scene=self.part("vsplat_scene"), steps=100000)
+    def fit(self):
+        return self.api.struct("vsplat_fit_options", scene=self.part("vsplat_scene"), steps=100000)
 
-    def vsplat_refinement(self):
-        return self.api.made("vsplat_refinement_create", self.part("vsplat_device"), self.part("vsplat_views"), c.byref(self.refinement()))
+    def vsplat_fit(self):
+        return self.api.made("vsplat_fit_create", self.part("vsplat_device"), self.part("vsplat_views"), c.byref(self.fit()))
 
     def vsplat_job(self):
         out = self.api.made("vsplat_reconstruct_async", self.part("vsplat_device"), self.part("vsplat_model"), self.part("vsplat_input"),
@@ -396,8 +396,8 @@ class Values:
             return api.struct(p.base, config=b"micro")
         if p.base == "vsplat_reconstruct_options":
             return handles.reconstruction()
-        if p.base == "vsplat_refine_options":
-            return handles.refinement()
+        if p.base == "vsplat_fit_options":
+            return handles.fit()
         if p.base == "vsplat_selftest_options":
             return api.struct(p.base, quick=1, forget=1, **({} if WHOLE else {"progress": self.ending()}))
         if p.base == "vsplat_tune_options":

@@ -36,7 +36,7 @@ NULL = {
     ("vsplat_model_inspect", "path"): (OK, FILE),
     ("vsplat_model_verify", "path"): (OK, FILE),
     ("vsplat_train", "options"): (USAGE,),  # they state where to write
-    ("vsplat_refinement_create", "options"): (USAGE,),  # they state what to start from
+    ("vsplat_fit_create", "options"): (USAGE,),  # they state what to start from
     ("vsplat_scene_create", "arrays"): (USAGE,),  # "none may be"
     # For these the comment describes their fields.
     ("vsplat_render_backward", "gradient"): (USAGE,),
@@ -56,9 +56,9 @@ ENDED = ("vsplat_selftest",)
 UNTRIED = ("user",)
 # As the comment in vsplat.h says, these do not use the device; and jobs wait for other jobs.
 WHILE_TAKEN = ("vsplat_device_retain", "vsplat_device_release", "vsplat_device_get_info", "vsplat_device_cancel", "vsplat_stream_create",
-               "vsplat_opencl_get_handles", "vsplat_refinement_retain", "vsplat_refinement_release")
+               "vsplat_opencl_get_handles", "vsplat_fit_retain", "vsplat_fit_release")
 BEHIND_JOBS = ("vsplat_reconstruct_async", "vsplat_render_async")
-TAKEN_BY = ("vsplat_device", "vsplat_refinement")
+TAKEN_BY = ("vsplat_device", "vsplat_fit")
 
 
 def may_be_null(function, p):

@@ -141,23 +141,23 @@ class Module(unittest.TestCase):
         np.testing.assert_allclose(looking.w2c @ [1, 2, 3, 1], [0, 0, 7, 1], atol=1e-12)
         self.assertLess((looking.w2c @ [1, 3, 3, 1])[1], 0)  # up is up
         for target, up in (((1, 2, -4), (0, 1, 0)), ((1, 5, -4), (0, 1, 0)), ((1, 2, 3), (0, 0, 0))):
-            with self.assertRaisesRegex(vsplat.Error, "does not lie along the view"):
+            with self.assertRaisesRegex(vsplat.Error, "is not along the view"):
                 vsplat.Camera.looking_at(target, (1, 2, -4), up=up)
 
-    def test_refines(self):
+    def test_fits(self):
         truth = vsplat.Scene.from_arrays(*gaussians(20))
         cameras = [camera(turn=0.05 * i) for i in range(5)]
         views = vsplat.Views.from_arrays([self.device.render(truth, at, background=(0, 0, 0)).colour.clip(0, 1) for at in cameras], cameras)
         start = vsplat.Scene.from_arrays(*gaussians(20)[:4], np.zeros((20, 4, 3)))
         told = []
-        out = self.device.refine(views, start, steps=6, progress=lambda phase, share: told.append((phase, share)))
-        self.assertEqual(told[-1][0], "refining")
+        out = self.device.fit(views, start, steps=6, progress=lambda phase, share: told.append((phase, share)))
+        self.assertEqual(told[-1][0], "fitting")
         self.assertEqual(told[-1][1], 1)
         self.assertEqual(len(out), 20)
         with self.assertRaises(ZeroDivisionError):
-            self.device.refine(views, start, steps=6, progress=lambda *_: 1 / 0)
+            self.device.fit(views, start, steps=6, progress=lambda *_: 1 / 0)
         del told[:]
-        self.device.refine(views, start, steps=6, progress=lambda phase, share: told.append(phase) or False)
+        self.device.fit(views, start, steps=6, progress=lambda phase, share: told.append(phase) or False)
         self.assertEqual(len(told), 1)
 
     def test_reconstructs(self):
@@ -205,7 +205,7 @@ class Module(unittest.TestCase):
         for name, call in {
                 "scene": lambda: device.render(views, camera()), "camera": lambda: device.render(scene, scene),
                 "cameras": lambda: device.render_async(scene, [camera(), scene]), "model": lambda: device.reconstruct(scene, views),
-                "views": lambda: device.reconstruct(model, views), "start": lambda: device.refine(views, views),
+                "views": lambda: device.reconstruct(model, views), "start": lambda: device.fit(views, views),
                 "like": lambda: vsplat.Scene.from_arrays(*gaussians(), like=views), "other": lambda: scene.append(model),
                 "names": lambda: views.prepare(model, names="0001"), "voxels": lambda: device.reconstruct(model, scene, voxels=[0.5]),
                 "seed": lambda: vsplat.Model.random("micro", seed=0.5), "width": lambda: scene.orbit(1, width=40.5),
@@ -222,7 +222,7 @@ class Module(unittest.TestCase):
                 "background has 4 numbers: 3": lambda: device.render(scene, camera(), (1, 1, 1, 1)),
                 "center has 2 numbers: 3": lambda: views.prepare(model, center=(0, 0)),
                 "up has 4 numbers: 3": lambda: vsplat.Scene.from_arrays(*gaussians(), up=(0, 0, 0, 1)),
-                "index is -1": lambda: views.prepare(model).camera(-1), "steps is ": lambda: device.refine(views, scene, steps=1 << 63),
+                "index is -1": lambda: views.prepare(model).camera(-1), "steps is ": lambda: device.fit(views, scene, steps=1 << 63),
                 "supersample is -1": lambda: device.render(scene, camera(), supersample=-1),
                 "width is 4294967336": lambda: device.render(scene, camera(width=(1 << 32) + 40)),
                 "voxels holds -1": lambda: device.reconstruct(model, views.prepare(model), voxels=[-1])}.items():

@@ -179,7 +179,7 @@ class _View(_Struct):
 
 class _InputOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("names", c.POINTER(c.c_char_p)), ("num_names", c.c_size_t), ("has_center", c.c_int32),
-                ("center", c.c_double * 3), ("scale", c.c_double), ("auto_frame", c.c_int32), ("fit", c.c_int), ("force", c.c_int32),
+                ("center", c.c_double * 3), ("scale", c.c_double), ("auto_frame", c.c_int32), ("crop", c.c_int), ("force", c.c_int32),
                 ("view_count", c.c_int32)]
 
 
@@ -225,7 +225,7 @@ class _Comparison(_Struct):
     _fields_ = [("size", c.c_size_t), ("psnr", c.c_double), ("ssim", c.c_double)]
 
 
-class _RefineOptions(_Struct):
+class _FitOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("start", c.c_int), ("scene", c.c_void_p), ("model", c.c_void_p), ("input", c.c_void_p),
                 ("reconstruct", c.c_void_p), ("names", c.POINTER(c.c_char_p)), ("num_names", c.c_size_t), ("holdout", c.c_int),
                 ("holdout_count", c.c_int32), ("holdout_names", c.POINTER(c.c_char_p)), ("num_holdout_names", c.c_size_t),
@@ -233,7 +233,7 @@ class _RefineOptions(_Struct):
                 ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32)]
 
 
-class _RefineProgress(_Struct):
+class _FitProgress(_Struct):
     _fields_ = [("size", c.c_size_t), ("phase", c.c_char * 32), ("step", c.c_int64), ("steps", c.c_int64), ("gaussians", c.c_uint64),
                 ("loss", c.c_double), ("psnr", c.c_double), ("seconds_left", c.c_double)]
 

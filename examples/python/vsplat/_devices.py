@@ -9,9 +9,9 @@ from typing import Any, Callable, Iterable, Sequence
 
 import numpy as np
 
-from ._c import (UsageError, _Camera, _DeviceInfo, _DeviceOptions, _JobOptions, _OpenclGaussians, _OpenclHandles, _OpenclPicture, _Picture,
-            _PrepareOptions, _ReconstructOptions, _RefineOptions, _RefineProgress, _RenderOptions, _SceneInfo, _bytes, _call, _info, _lib,
-            _number, _numbers, _on_end, _whole)
+from ._c import (UsageError, _Camera, _DeviceInfo, _DeviceOptions, _FitOptions, _FitProgress, _JobOptions, _OpenclGaussians, _OpenclHandles,
+            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _bytes, _call, _info, _lib, _number,
+            _numbers, _on_end, _whole)
 from ._dlpack import _array
 from ._handles import Progress, _Handle, _Telling, _given, _jobs, _jobs_lock, _take_text
 from ._values import Camera, Gaussians, Picture, _new_picture, _picture_of
@@ -95,7 +95,7 @@ class Device(_Handle):
         told.call("reconstruct", self, _given(model, Model, "model"), _given(views, Input, "views"), c.byref(options), c.byref(handle))
         return Scene(handle)
 
-    def refine(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = 512, max_gaussians: int = 0,
+    def fit(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = 512, max_gaussians: int = 0,
                poses: bool = False, exposure: bool = False, seed: int = 0, progress: Progress | None = None) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
         or the model that makes one from the views; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
@@ -103,23 +103,25 @@ class Device(_Handle):
         the result is the best scene so far."""
         if not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")
-        options = _RefineOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
+        options = _FitOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
                                  max_gaussians=max_gaussians, poses=poses, exposure=exposure, seed=seed)
         setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
         handle = c.c_void_p()
-        _call("refinement_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))
+        _call("fit_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))
         try:
-            more, told = c.c_int32(1), _RefineProgress()
+            more, told = c.c_int32(1), _FitProgress()
             while more.value:
-                _call("refinement_step", handle, c.byref(told) if progress else None, c.byref(more))
+                _call("fit_step", handle, c.byref(told) if progress else None, c.byref(more))
                 if progress and progress(told.phase.decode(), told.step / max(told.steps, 1)) is False:
-                    _call("refinement_stop", handle)
+                    _call("fit_stop", handle)
                     break
             out = c.c_void_p()
-            _call("refinement_get_scene", handle, c.byref(out))
+            _call("fit_get_scene", handle, c.byref(out))
             return Scene(out)
         finally:
-            _lib.vsplat_refinement_release(handle)
+            _lib.vsplat_fit_release(handle)
+
+    refine = fit  # its earlier name
 
     def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
                colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0, out: np.ndarray | None = None,

@@ -32,8 +32,8 @@ class Camera:
         at, eye_, up_ = np.asarray(target, float), np.asarray(eye, float), np.asarray(up, float)
         x = np.cross(at - eye_, up_)
         if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(at - eye_) * np.linalg.norm(up_):
-            raise UsageError(f"a camera at {list(eye_)} looking at {list(at)} with {list(up_)} up: two places, and a direction that does not "
-                                 "lie along the view, expected")
+            raise UsageError(f"a camera at {list(eye_)} looking at {list(at)} with {list(up_)} up: two different places, and an upward "
+                                 "direction that is not along the view, expected")
         z = (at - eye_) / np.linalg.norm(at - eye_)
         x /= np.linalg.norm(x)
         rotation = np.stack([x, np.cross(z, x), z])

@@ -104,13 +104,13 @@ class Reader {
 
   void remember(std::size_t index) {
     const Ref value = top();
-    if (index >= most_values) bad(fmt::format("puts a value away as number {}, beyond {}", index, most_values));
+    if (index >= most_values) bad(fmt::format("stores a value as number {}, beyond {}", index, most_values));
     if (index >= memo_.size()) memo_.resize(index + 1, kNothing);
     memo_[index] = value;
   }
   void recall(std::size_t index) {
     if (index >= memo_.size() || memo_[index] == kNothing)
-      bad(fmt::format("asks for number {}, which was not put away", index));
+      bad(fmt::format("asks for number {}, which was not stored", index));
     push(memo_[index]);
   }
 
@@ -194,7 +194,7 @@ class Reader {
     std::vector<std::int64_t> out;
     for (const Ref item : value.items) {
       if (out_.at(item).kind != Kind::integer || out_.at(item).number < 0)
-        bad(fmt::format("a tensor's {} holds something else than integers from 0", what));
+        bad(fmt::format("a tensor's {} holds something other than integers from 0", what));
       out.push_back(out_.at(item).number);
     }
     return out;
@@ -245,7 +245,7 @@ class Reader {
     if (function.kind == Kind::inert) return push_named(Kind::inert, function.text);
     const KnownGlobal* known = function.kind == Kind::global ? known_global(function.text) : nullptr;
     if (known != nullptr && known->what == Global::ordered_dict) {
-      if (!arguments.items.empty()) bad("an OrderedDict that is made of something, an empty one is expected");
+      if (!arguments.items.empty()) bad("an OrderedDict that is made from arguments, an empty one is expected");
       return push_empty(Kind::dict);
     }
     if (known != nullptr && known->what == Global::rebuild_tensor) return push_tensor(arguments);
@@ -370,7 +370,7 @@ class Reader {
         break;
       default:
         if (const char* name = opcode_name(opcode))
-          bad(fmt::format("the opcode {}, which torch.save does not write of state dicts: refused", name));
+          bad(fmt::format("the opcode {}, which torch.save does not write for state dicts: refused", name));
         bad(fmt::format("{:#04x} is no opcode: it is damaged, or no pickle", opcode));
     }
     return true;

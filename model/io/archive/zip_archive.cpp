@@ -51,7 +51,7 @@ void ZipArchive::Closer::operator()(zip* archive) const { zip_discard(archive); 
 ZipArchive::ZipArchive(const std::string& path) : path_(path) {
   auto file = open_regular(path);
   const std::optional<sys::FileFacts> whole = sys::facts_of(file.get());
-  if (!whole) fail(Status::file, "{}: cannot be looked at", path);
+  if (!whole) fail(Status::file, "{}: cannot be examined", path);
   zip_error_t error;
   zip_error_init(&error);
   std::unique_ptr<zip_source_t, SourceCloser> source(zip_source_filep_create(file.get(), 0, -1, &error));
@@ -59,7 +59,7 @@ ZipArchive::ZipArchive(const std::string& path) : path_(path) {
   static_cast<void>(file.release());  // now owned by the source
   archive_.reset(zip_open_from_source(source.get(), ZIP_RDONLY | ZIP_CHECKCONS, &error));
   if (!archive_)
-    fail(Status::format, "{}: no zip archive, which torch.save writes, or a damaged one: {}", path, text_of(error));
+    fail(Status::format, "{}: not a zip archive as torch.save writes it, or a damaged one: {}", path, text_of(error));
   static_cast<void>(source.release());  // now owned by the archive
   zip_error_fini(&error);
   const zip_int64_t count = zip_get_num_entries(archive_.get(), 0);
@@ -76,7 +76,7 @@ std::uint64_t ZipArchive::add(std::uint64_t index, std::uint64_t left) {
   zip_stat_init(&found);
   constexpr zip_uint64_t needed = ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
   if (zip_stat_index(archive_.get(), index, ZIP_FL_ENC_RAW, &found) != 0 || (found.valid & needed) != needed)
-    fail(Status::format, "{}: entry {} of its archive cannot be looked at: {}", path_, index,
+    fail(Status::format, "{}: entry {} of its archive cannot be examined: {}", path_, index,
          zip_strerror(archive_.get()));
   const std::string name = found.name;
   if (!is_plain(name))

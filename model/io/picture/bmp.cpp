@@ -24,7 +24,7 @@ std::uint32_t u32(const FileBytes& file, std::size_t at) {
 std::uint32_t u16(const FileBytes& file, std::size_t at) { return file.data[at] | file.data[at + 1] << 8; }
 
 [[noreturn]] void damaged(const FileBytes& file, const char* why) {
-  fail(Status::format, "{}: a damaged or cut-off BMP, or of a kind that is not read (RLE): {}", file.path, why);
+  fail(Status::format, "{}: a damaged or cut-off BMP, or one of a kind that is not read (RLE): {}", file.path, why);
 }
 
 // stb_image replaces missing data at the end by zeros, so the size is checked against the header here.

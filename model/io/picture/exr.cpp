@@ -180,8 +180,8 @@ class ExrRows : public FileRows {
     read_below();
     if (!found_.layer.empty()) verbose("{}: its layer \"{}\" is read", file_.path, printable(found_.layer));
     if (odd_ > 0)
-      warn("{}: {} of its values are no finite numbers: NaN is taken as 0, what is infinite as the end of the range",
-           file_.path, odd_);
+      warn("{}: {} of its values are not finite: NaN is read as 0, and infinity as the end of the range", file_.path,
+           odd_);
   }
 
  private:

@@ -70,7 +70,7 @@ void jpeg_count_scans(j_common_ptr common) {
   const auto* limit = reinterpret_cast<ScanLimit*>(common->progress);
   if (reinterpret_cast<j_decompress_ptr>(common)->input_scan_number <= limit->scans) return;
   auto* p = static_cast<Problems*>(common->client_data);
-  std::snprintf(p->message, sizeof p->message, "it goes over its pixels more than %d times", limit->scans);
+  std::snprintf(p->message, sizeof p->message, "it has more than %d scans", limit->scans);
   longjmp(p->leave, 1);
 }
 
@@ -234,10 +234,10 @@ std::unique_ptr<FileRows> open_jpeg(const FileBytes& file) {
   check_header(*reader, file);
   const J_COLOR_SPACE space = reader->jpeg.jpeg_color_space;
   if (space == JCS_CMYK || space == JCS_YCCK)
-    fail(Status::format, "{}: a CMYK JPEG; grey and RGB are read: convert it", file.path);
+    fail(Status::format, "{}: a CMYK JPEG; only grey and RGB are read: convert it", file.path);
   if (space != JCS_GRAYSCALE && space != JCS_YCbCr && space != JCS_RGB)
-    fail(Status::format, "{}: a JPEG of {} components in an unknown colour space; grey and RGB are read", file.path,
-         reader->jpeg.num_components);
+    fail(Status::format, "{}: a JPEG of {} components in an unknown colour space; only grey and RGB are read",
+         file.path, reader->jpeg.num_components);
   return std::make_unique<JpegRows>(file, std::move(reader));
 }
 

@@ -66,7 +66,7 @@ int ignore_warning(TIFF*, void*, const char*, const char*, va_list) { return 1; 
 constexpr double most_held = 1.25 * (1u << 30);
 
 [[noreturn]] void damaged(const FileBytes& file, const char* why) {
-  fail(Status::format, "{}: a damaged or cut-off TIFF, or of a kind that is not read: {}", file.path,
+  fail(Status::format, "{}: a damaged or cut-off TIFF, or one of a kind that is not read: {}", file.path,
        *why ? printable(why) : std::string("no reason given"));
 }
 
@@ -107,8 +107,8 @@ class Reader {
     ImageInfo out{static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
     if (unpacked_bytes() + row_bytes(out) > most_)
       fail(Status::input,
-           "{}: a strip or tile of the TIFF has {:.3g} GiB when it is unpacked, at most {:.3g} GiB are read; write it "
-           "with shorter strips",
+           "{}: a strip or tile of the TIFF takes {:.3g} GiB unpacked, at most {:.3g} GiB are read; write it with "
+           "shorter strips",
            file_.path, unpacked_bytes() / (1u << 30), most_ / (1u << 30));
     out.held = unpacked_bytes() + row_bytes(out) * rows_at_once(out);
     return out;

@@ -33,7 +33,7 @@ WebPBitstreamFeatures features_of(const FileBytes& file) {
   const VP8StatusCode status = WebPGetFeatures(file.data, file.size, &out);
   if (status != VP8_STATUS_OK) damaged(file, status);
   check_image_size(file.path, out.width, out.height);
-  if (out.has_animation) fail(Status::format, "{}: an animated WebP; still ones are read", file.path);
+  if (out.has_animation) fail(Status::format, "{}: an animated WebP; only still ones are read", file.path);
   return out;
 }
 

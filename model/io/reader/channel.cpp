@@ -37,7 +37,7 @@ void Channel::send(Kind kind, const Packer& body, int file) {
     wait(sys::Way::out);
     const sys::Moved moved =
         sys::send_some(socket_, from, in_header ? sizeof header - sent : all - sent, sent == 0 ? file : -1);
-    if (!moved.open) throw Closed("the other end takes no more");
+    if (!moved.open) throw Closed("the other end accepts no more data");
     sent += moved.bytes;
   }
 }
@@ -47,7 +47,7 @@ void Channel::read(void* to, std::size_t size) {
   while (size > 0) {
     wait(sys::Way::in);
     const sys::Moved moved = sys::receive_some(socket_, at, size);
-    if (!moved.open) throw Closed("the other end says no more");
+    if (!moved.open) throw Closed("the other end sends no more data");
     at += moved.bytes, size -= moved.bytes;
   }
 }
@@ -58,7 +58,7 @@ Header Channel::receive(std::size_t most, Descriptor* file) {
   while (file && have == 0) {  // a file comes with the first byte
     wait(sys::Way::in);
     const sys::Moved moved = sys::receive_some(socket_, &out, sizeof out, file);
-    if (!moved.open) throw Closed("the other end says no more");
+    if (!moved.open) throw Closed("the other end sends no more data");
     have = moved.bytes;
   }
   read(reinterpret_cast<char*>(&out) + have, sizeof out - have);

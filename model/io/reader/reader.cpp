@@ -83,15 +83,14 @@ void Reader::start(Kind what) {
   } catch (const Late&) {
     why = "does not start within 30 seconds";
   } catch (const BadMessage&) {
-    why = "says what makes no sense when it starts";
+    why = "sends a first message that makes no sense";
   } catch (const Closed&) {
     why = "ends as soon as it starts";
   }
   if (says != read::version()) {
     if (process_ >= 0) sys::kill_program(process_);
     end();
-    fail(Status::internal,
-         "{}: {}; meshes and HDF5 files are read by this program, which is installed beside the library",
+    fail(Status::internal, "{}: {}; this program, which is installed beside the library, reads meshes and HDF5 files",
          started.program, why);
   }
   if (read::sanitized) channel_->while_waiting([this] { look_at_memory(); });
@@ -105,7 +104,7 @@ auto Reader::guarded(F&& call) {
   } catch (const Closed&) {
     crashed();
   } catch (const Late&) {
-    give_up(Status::format, fmt::format("was not read within {:.0f} seconds; it is damaged, or made to take long",
+    give_up(Status::format, fmt::format("was not read within {:.0f} seconds; it is damaged, or made to waste time",
                                         std::max(1.0, std::round(seconds_))));
   } catch (const BadMessage& e) {
     senseless(e.what());
@@ -225,20 +224,19 @@ void Reader::complain(const Message& failed) {
 void Reader::crashed() {
   const sys::ProgramEnd how = end();
   if (how.signal != 0) {
-    if (how.out_of_time) give_up(Status::format, "was not read in time; it is damaged, or made to take long");
-    give_up(Status::format,
-            fmt::format("its reader crashed (signal {}, {}): the file is damaged, or reading it found a fault in the "
-                        "library that reads such files",
-                        how.signal, sys::signal_name(how.signal)));
+    if (how.out_of_time) give_up(Status::format, "was not read in time; it is damaged, or made to waste time");
+    give_up(Status::format, fmt::format("its reader crashed (signal {}, {}): the file is damaged, or it triggers a "
+                                        "fault in the library that reads such files",
+                                        how.signal, sys::signal_name(how.signal)));
   }
   give_up(Status::format,
-          "its reader ended without an answer: the file is damaged, or reading it found a fault in the "
-          "library that reads such files");
+          "its reader ended without an answer: the file is damaged, or it triggers a fault in the library that reads "
+          "such files");
 }
 
 void Reader::senseless(const std::string& why) {
-  give_up(Status::format, fmt::format("its reader's answer makes no sense ({}): the file is damaged, or reading it "
-                                      "found a fault in the library that reads such files",
+  give_up(Status::format, fmt::format("its reader's answer makes no sense ({}): the file is damaged, or it triggers a "
+                                      "fault in the library that reads such files",
                                       words_of_reader(why)));
 }
 
@@ -270,7 +268,8 @@ sys::ProgramEnd Reader::end() {
 void Reader::look_at_memory() {
   if (sys::memory_of(process_) > memory())
     give_up(Status::format,
-            fmt::format("reading it takes more than {} MiB of memory; it is damaged, or made to", memory() >> 20));
+            fmt::format("reading it takes more than {} MiB of memory; it is damaged, or made to exhaust memory",
+                        memory() >> 20));
 }
 
 }  // namespace vsplat

@@ -28,8 +28,8 @@ std::string program_path() {
   const std::string path = library_program("vsplat-read");
   if (path.empty())
     fail(Status::internal,
-         "meshes and HDF5 files are read by vsplat-read, which is installed beside the library: it is "
-         "not known where that is");
+         "vsplat-read, which reads meshes and HDF5 files, is installed beside the library, but the library's path is "
+         "unknown");
   return path;
 }
 
@@ -51,8 +51,7 @@ read::Started read::start_program(const char* what, std::uint64_t memory) {
   const int process = sys::start_program(program, {what, std::to_string(memory)}, its, "HDF5_", problem);
   if (problem)
     fail(Status::internal,
-         "{}: cannot be started: {}; meshes and HDF5 files are read by this program, which is "
-         "installed beside the library",
+         "{}: cannot be started: {}; this program, which is installed beside the library, reads meshes and HDF5 files",
          program, problem.message());
   return {program, process, ours.release()};
 }

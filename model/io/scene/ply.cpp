@@ -60,7 +60,7 @@ void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout)
   for (const PlyProperty& p : vertex.properties) n += p.name.rfind("f_rest_", 0) == 0;
   if (n != 0 && n != 9 && n != 24 && n != 45 && n != 72)
     fail(Status::format, "{}: {} properties f_rest_*: 0, 9, 24 or 45 are expected (SH degree 0 to 3)", path, n);
-  if (n == 72) warn("{}: spherical harmonics of degree 4 are read to degree 3", path);
+  if (n == 72) warn("{}: spherical harmonics of degree 4 are read up to degree 3", path);
   layout.degree = n == 0 ? 0 : n == 9 ? 1 : n == 24 ? 2 : 3;
   std::vector<std::string> names;
   for (std::size_t i = 0; i + 1 < layout.sh_count(); ++i)
@@ -71,8 +71,8 @@ void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout)
 
 Layout find_columns(const std::string& path, const PlyElement& vertex) {
   if (vertex.find("packed_position"))
-    fail(Status::format, "{}: a compressed PLY (packed_position), as SuperSplat writes them, which is not read; {}",
-         path, how_to_convert_scene(path));
+    fail(Status::format, "{}: a compressed PLY (packed_position), as SuperSplat writes it, which is not read; {}", path,
+         how_to_convert_scene(path));
   Layout out;
   if (!add_group(path, vertex, out, {"x", "y", "z"}))
     fail(Status::format, "{}: element vertex has no property x", path);
@@ -270,7 +270,7 @@ void look_at_colours(const std::string& path, const Layout& layout, Gaussians& g
       float& sh = g.sh[each * k + c];
       sh = static_cast<float>((colour(sh) / range - 0.5) / kShC0);
     }
-  warn("{}: red, green and blue go to {:.4g}: they are taken as 0 to {}, not as 0 to 1", path, most, range);
+  warn("{}: red, green and blue go up to {:.4g}: they are read as 0 to {}, not as 0 to 1", path, most, range);
 }
 
 // Warns if opacities or scales look like final values instead of logits and logarithms.

@@ -15,7 +15,7 @@ namespace vsplat {
 PlyFile::PlyFile(const std::string& path) : path_(path), file_(open_regular(path)) {
   std::error_code problem;
   size_ = std::filesystem::file_size(path, problem);
-  if (problem) fail(Status::file, "{}: its size cannot be told: {}", path, problem.message());
+  if (problem) fail(Status::file, "{}: its size cannot be read: {}", path, problem.message());
 }
 
 PlyFile::PlyFile(const std::string& name, std::span<const std::byte> content)

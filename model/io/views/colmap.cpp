@@ -202,8 +202,8 @@ Cameras read_cameras_text(const fs::path& path) {
 void check_points_line(ColmapLines& in) {
   const auto refuse = [&](const std::string& found) {
     fail(Status::format,
-         "{}: the line after an image holds its points, X Y POINT3D_ID each, or is empty; this one {}: after every "
-         "image's line there is one, and an empty one where it has no points",
+         "{}: the line after an image holds its points, X Y POINT3D_ID each, or is empty; this one {}: every image's "
+         "line needs such a line after it, an empty one if the image has no points",
          in.where(), found);
   };
   long words = 0;
@@ -291,8 +291,9 @@ ColmapChoice largest_of(const fs::path& folder) {
     if (out.folder.empty() || count > most) out.folder = part, most = count;
   }
   if (parts.size() > 1)
-    out.told = fmt::format("{}: taken of {} COLMAP models, as it has the most pictures ({}); name another to use it",
-                           out.folder.string(), parts.size(), others);
+    out.told =
+        fmt::format("{}: chosen from {} COLMAP models, since it has the most pictures ({}); name another to use it",
+                    out.folder.string(), parts.size(), others);
   if (parts.empty() && is_colmap_model(folder)) out.folder = folder;
   return out;
 }
@@ -318,7 +319,7 @@ ColmapChoice choose_colmap_model(const fs::path& folder) {
     if (out.folder.empty()) {
       out = std::move(found);
     } else {
-      out.told += fmt::format("{}{}: the COLMAP model that is read; {} is another", out.told.empty() ? "" : "; ",
+      out.told += fmt::format("{}{}: this COLMAP model is read; {} is another", out.told.empty() ? "" : "; ",
                               out.folder.string(), found.folder.string());
       break;
     }

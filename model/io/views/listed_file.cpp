@@ -164,7 +164,8 @@ fs::path ListedFiles::only_one(const fs::path& folder, std::vector<std::string> 
   if (names.empty()) return {};
   std::sort(names.begin(), names.end());
   if (names.size() > 1)
-    fail(Status::input, "{}: {} and {} both fit {}, which is not there as listed: keep one of them, or list it by name",
+    fail(Status::input,
+         "{}: {} and {} both match {}, which is not there as listed: keep one of them, or list its exact name",
          folder.empty() ? "." : folder.string(), printable(names[0]), printable(names[1]), printable(listed.string()));
   return folder / names.front();
 }
@@ -223,7 +224,7 @@ std::string ListedFiles::where_looked(const std::string& name) {
       if (near.size() < 3 && std::find(near.begin(), near.end(), path) == near.end()) near.push_back(std::move(path));
   }
   std::string out =
-      fmt::format("looked for {} in {}, there also by the end of its path, with other endings and in other case",
+      fmt::format("looked for {} in {}, also by the end of its path, with other endings and in other case",
                   printable(name), places.empty() ? "no folder" : fmt::format("{}", fmt::join(places, " and ")));
   if (!other.empty()) out += fmt::format("; {} is not a regular file", other);
   if (!near.empty()) out += fmt::format("; near it: {}", fmt::join(near, ", "));

@@ -269,7 +269,7 @@ ViewSet parse_camera_path(const std::filesystem::path& path, const json& root) {
   if (!poses.is_array() || poses.empty())
     fail(Status::format, "{}: camera_path is {}, a list of cameras is expected", file, excerpt(poses));
   if (const auto type = root.find("camera_type"); type != root.end() && *type != "perspective")
-    fail(Status::input, "{}: camera_type is {}, perspective alone can be drawn", file, excerpt(*type));
+    fail(Status::input, "{}: camera_type is {}, only perspective can be drawn", file, excerpt(*type));
   for (std::size_t i = 0; i < poses.size(); ++i) {
     ListedView& view = out.views.emplace_back();
     noting_problems(view, [&] { read_path_camera(view, fmt::format("{}: camera {}", file, i), root, poses[i]); });

@@ -162,11 +162,11 @@ void noting_problems(ListedView& view, const std::function<void()>& work) {
 Eigen::Matrix4d checked_rigid(const std::string& where, const char* field, const Eigen::Matrix4d& m) {
   if (!m.allFinite()) fail(Status::input, "{}: {} holds a value that is not finite", where, field);
   if (m.isZero(0))
-    fail(Status::input, "{}: {} is all zeros: the view has no pose, as programs write it where they found none", where,
+    fail(Status::input, "{}: {} is all zeros: the view has no pose (programs write this if they found none)", where,
          field);
   if ((m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-6)
     fail(Status::input, "{}: the last row of {} is {} {} {} {}, 0 0 0 1 is expected{}", where, field, m(3, 0), m(3, 1),
-         m(3, 2), m(3, 3), m.topRightCorner<3, 1>().isZero() ? " (the matrix is transposed, it seems)" : "");
+         m(3, 2), m(3, 3), m.topRightCorner<3, 1>().isZero() ? " (the matrix seems to be transposed)" : "");
   if (m.topRightCorner<3, 1>().cwiseAbs().maxCoeff() > max_coordinate)
     fail(Status::input, "{}: {} is further than {} from the origin", where, field, max_coordinate);
   const Eigen::Matrix3d R = m.topLeftCorner<3, 3>();
@@ -184,8 +184,8 @@ Eigen::Matrix4d checked_rigid(const std::string& where, const char* field, const
     fail(Status::input, "{}: {} mirrors: its rotation has determinant -1, a proper one is expected", where, field);
   if (std::abs(scale - 1) > rigid_tolerance)
     fail(Status::input,
-         "{}: {} scales by {:.6g}: a pose is a rotation and a translation only; divide its 3 x 3 part by that", where,
-         field, scale);
+         "{}: {} scales by {:.6g}: a pose is a rotation and a translation only; divide its 3 x 3 part by this factor",
+         where, field, scale);
   Eigen::Matrix4d out = Eigen::Matrix4d::Identity();
   out.topRightCorner<3, 1>() = m.topRightCorner<3, 1>();
   out.topLeftCorner<3, 3>() = R;
@@ -210,7 +210,7 @@ void check_lens(const std::string& where, const Camera& c) {
   const double half = 0.5 * std::min({c.cx / c.fx, (c.width - c.cx) / c.fx, c.cy / c.fy, (c.height - c.cy) / c.fy});
   if (!(half > 0) || reaches(c.distortion, half)) return;  // sizes may still be unknown
   fail(Status::input,
-       "{}: the lens coefficients cannot be inverted: by them nothing is seen {:.4g} pixels from the principal point, "
+       "{}: the lens coefficients cannot be inverted: no direction is seen {:.4g} pixels from the principal point, "
        "halfway to the side of a picture of {} x {}",
        where, half * std::min(c.fx, c.fy), c.width, c.height);
 }

@@ -82,8 +82,8 @@ void refuse_shared(const ViewSet& set, const std::vector<FoundFile>& files, cons
     if (is_new || set.views[other->second].name == set.views[i].name) continue;
     if (files[i].exactly && files[other->second].exactly) continue;
     fail(Status::input,
-         "{}: frames {} ({}) and {} ({}) would share the {} {}: it fits both by the end of their path, and is listed "
-         "for neither; keep the folders of the list",
+         "{}: frames {} ({}) and {} ({}) would share the {} {}: the ends of both paths match it, but neither lists it "
+         "exactly; keep the folders of the list",
          set.source.string(), other->second, printable(set.views[other->second].name), i, printable(set.views[i].name),
          what, printable(files[i].path.string()));
   }
@@ -136,7 +136,7 @@ fs::path find_colmap_pictures(ViewSet& set, const ReadOptions& options, const st
   roots.add(folder);
   take_pictures(set, most, *best);
   if (options.pictures_dir.empty() && options.need_pictures && folder.filename() != "images")
-    info("{}: its pictures are taken from {}, where {} of {} are", set.source.string(),
+    info("{}: its pictures are read from {}, which has {} of {}", set.source.string(),
          or_here(folder.lexically_normal()).string(), most.count, set.views.size());
   return folder;
 }
@@ -175,7 +175,7 @@ void take_masks_of(ViewSet& set, const fs::path& masks, bool tell, Roots& roots)
   const bool is_colmap = is_a_folder(set.source);
   if (found == 0 && !tell) return;
   if (found == 0 && !is_colmap) {
-    warn("{}: the folder {} is not used: none of its files is called like a picture of the list", set.source.string(),
+    warn("{}: the folder {} is not used: none of its files has the name of a listed picture", set.source.string(),
          folder);
     return;
   }
@@ -187,7 +187,7 @@ void take_masks_of(ViewSet& set, const fs::path& masks, bool tell, Roots& roots)
           files[i].path.empty() ? masks / fs::path(set.views[i].name).replace_extension(".png") : files[i].path;
   set.masks_found = fmt::format("{} of {} pictures have a mask in {}", found, with_picture, folder);
   if (found == with_picture && !is_colmap && tell)
-    info("{}: {}, and these are used", set.source.string(), set.masks_found);
+    info("{}: {}; these masks are used", set.source.string(), set.masks_found);
 }
 
 // Masks as listed, relative to the list or, if the pictures are elsewhere, to the pictures.

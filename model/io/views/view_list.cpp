@@ -82,13 +82,11 @@ std::string kind_of(const fs::path& file) {
 std::string how_to_get_poses(const fs::path& folder, const fs::path& pictures) {
   const std::string set = folder.string(), from = pictures.string();
   return fmt::format(
-      "where each picture was taken from must be known. COLMAP finds that:\n"
-      "  colmap feature_extractor --database_path {0}/database.db --image_path {1} --ImageReader.single_camera 1\n"
-      "  colmap exhaustive_matcher --database_path {0}/database.db\n"
-      "  mkdir -p {0}/sparse && colmap mapper --database_path {0}/database.db --image_path {1} --output_path "
-      "{0}/sparse\n"
-      "Then give {0} again. Masks leave the background out: PNG files in {0}/masks, called like the pictures, white "
-      "where the object is; rembg makes them (rembg p -om {1} {0}/masks)",
+      "the camera's pose must be known for each picture. COLMAP finds the poses:\n  colmap feature_extractor "
+      "--database_path {0}/database.db --image_path {1} --ImageReader.single_camera 1\n  colmap exhaustive_matcher "
+      "--database_path {0}/database.db\n  mkdir -p {0}/sparse && colmap mapper --database_path {0}/database.db "
+      "--image_path {1} --output_path {0}/sparse\nThen give {0} again. Masks leave the background out: PNG files in "
+      "{0}/masks, named like the pictures, white where the object is; rembg makes them (rembg p -om {1} {0}/masks)",
       set, from);
 }
 
@@ -127,7 +125,7 @@ std::string doubled_names(const fs::path& folder) {
       if (!plain.starts_with("cameras.") && !plain.starts_with("images.")) continue;
       const auto [other, is_new] = seen.emplace(plain, name);
       if (!is_new)
-        return fmt::format("{} and {} are both in {}, and COLMAP's file is called {}: keep one of them; ",
+        return fmt::format("{} and {} are both in {}, but COLMAP's file is called {}: keep one of them; ",
                            printable(std::min(name, other->second)), printable(std::max(name, other->second)),
                            printable((folder / inside).lexically_normal().string()), plain);
     }
@@ -187,8 +185,8 @@ ViewSet read_json_list(const fs::path& path, bool need_pictures) {
     if (need_pictures)
       fail(Status::input, "{}: is a path of cameras to draw from, without pictures; give it as cameras", path.string());
     warn(
-        "{}: the viewer that writes such paths moves and scales the world of its transforms.json: where the pictures "
-        "miss the scene, that is why",
+        "{}: the viewer that writes such paths moves and scales the world of its transforms.json: if the pictures miss "
+        "the scene, that is the reason",
         path.string());
     return parse_camera_path(path, root);
   }
@@ -221,8 +219,8 @@ ViewSet read_nerf(const fs::path& folder, const ReadOptions& options) {
     out.lists_masks |= part.lists_masks;
   }
   if (!told.empty())
-    out.choices.push_back(fmt::format("{}: is read; {} beside it, which evaluation compares with, {} not",
-                                      out.source.string(), told, told.find(',') == std::string::npos ? "is" : "are"));
+    out.choices.push_back(fmt::format("{}: is read; {} beside it, which evaluation uses, {} not", out.source.string(),
+                                      told, told.find(',') == std::string::npos ? "is" : "are"));
   return out;
 }
 
@@ -249,8 +247,8 @@ ViewSet read_folder(const fs::path& folder, const ReadOptions& options) {
     if (!model.told.empty()) out.choices.push_back(model.told);
   }
   if (kinds.size() > 1)
-    out.choices.push_back(
-        fmt::format("{}: is read; {} lies there, too, and is not: name it to read it", out.source.string(), kinds[1]));
+    out.choices.push_back(fmt::format("{}: is read; {} is there, too, but is not read: name it to read it",
+                                      out.source.string(), kinds[1]));
   return out;
 }
 

@@ -28,9 +28,10 @@ void count_pictures(const ViewSet& set, const ReadOptions& options) {
   if (missing == 0) return;
   const std::string looked = set.looked_for.empty() ? "" : fmt::format(" ({})", set.looked_for);
   if (missing == good)
-    fail(Status::input, "{}: none of the {} pictures listed is there, {} first{}{}", set.source.string(), missing,
-         printable(first->name), looked, options.pictures_dir.empty() ? "; give vsplat_views_load their folder" : "");
-  warn("{}: {} of {} listed frames have no picture and are skipped, {} first{}", set.source.string(), missing,
+    fail(Status::input, "{}: none of the {} listed pictures is there; the first is {}{}{}", set.source.string(),
+         missing, printable(first->name), looked,
+         options.pictures_dir.empty() ? "; give vsplat_views_load their folder" : "");
+  warn("{}: {} of {} listed frames have no picture and are skipped; the first is {}{}", set.source.string(), missing,
        set.views.size(), printable(first->name), looked);
 }
 
@@ -119,8 +120,9 @@ void scale_to(Camera& c, const std::string& where, int listed_width, int listed_
   if (!resized)
     fail(Status::input, "{}: the picture is {} x {} pixels, its camera is listed with {} x {}{}", where, width, height,
          listed_width, listed_height,
-         listed_width == height && listed_height == width ? ": it fits only after turning; turn the picture"
-                                                          : ": it is no resized picture either, the shape differs");
+         listed_width == height && listed_height == width
+             ? ": it fits only after turning; turn the picture"
+             : ": it is not a resized picture either, since the shape differs");
   c.fx *= x, c.cx *= x, c.fy *= y, c.cy *= y;
 }
 

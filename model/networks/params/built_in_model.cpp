@@ -19,7 +19,7 @@ SafetensorsFile open_built_in_model() {
   if (built_in_model().empty())
     fail(Status::file,
          "no model file is named, and this vsplat was built without a model of its own (model/weights had none): give "
-         "one to vsplat_model_load; vsplat_train makes one, vsplat_model_init one with random weights");
+         "one to vsplat_model_load; vsplat_train makes one, and vsplat_model_init makes one with random weights");
   return {"the built-in model", built_in_model()};
 }
 

@@ -151,14 +151,14 @@ typename S::Config complete(const std::string& path, const Deduced<typename S::C
   std::vector<std::string> told = deduced.fields;
   told.insert(told.end(), deduced.kinds.begin(), deduced.kinds.end());
   for (const std::string& field : differing_fields(config, deduced.config, told))
-    fail(Status::usage, "{}: its shapes tell {}, which is {}, and {} was asked for", path, field,
+    fail(Status::usage, "{}: its shapes determine {}, which is {}, but {} was asked for", path, field,
          field_text(deduced.config, field), field_text(config, field));
   std::vector<std::string> missing;
   for (const std::string& field : deduced.untold)
     if (given.count(field) == 0) missing.push_back(field);
   if (named.empty() && !missing.empty())
     fail(Status::usage,
-         "{}: its shapes are of no named configuration, and shapes do not tell {}: give each as FIELD=VALUE "
+         "{}: its shapes belong to no named configuration, and shapes do not determine {}: give each as FIELD=VALUE "
          "(vsplat_import_options.fields) or in a JSON file (vsplat_import_options.config_file)",
          path, fmt::join(missing, ", "));
   try {
@@ -216,7 +216,7 @@ void refuse_repeated(const TorchFile& file, const std::vector<const TensorEntry*
   for (const TensorEntry* entry : entries) bytes += entry->bytes;
   if (bytes > file.stored_bytes())
     fail(Status::format,
-         "{}: the network's tensors have {} bytes in an archive of {}: parts of it stand for many values", file.path(),
+         "{}: the network's tensors have {} bytes in an archive of {}: several values share parts of it", file.path(),
          bytes, file.stored_bytes());
 }
 

@@ -100,7 +100,7 @@ class EncoderIn {
     }
     fail(Status::format,
          "{}: tensor {} holds other periods than {}^(4 i / {}), as computed or rounded to bfloat16 (vit_heads and "
-         "vit_rope_base tell those)",
+         "vit_rope_base determine them)",
          file_.path(), printable(entry->name), base, config_.vit_dim / heads);
   }
 
@@ -243,8 +243,7 @@ void load_encoder(Weights& weights, const AnyConfig& config, const std::string& 
     left_out = take_encoder(weights, config, file);
   }
   if (!left_out.empty())
-    info("{}: {} tensors that do not belong to the encoder are left alone: {}", path, left_out.size(),
-         list_of(left_out));
+    info("{}: {} tensors that do not belong to the encoder are ignored: {}", path, left_out.size(), list_of(left_out));
 }
 
 bool has_encoder(const TorchFile& file) {

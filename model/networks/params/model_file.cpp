@@ -27,12 +27,11 @@ const std::string& metadata_at(const SafetensorsFile& file, const char* key) {
 std::string read_system(const SafetensorsFile& file) {
   if (const std::string& format = metadata_at(file, "format"); format != kFormat)
     fail(Status::format, "{}: metadata format is \"{}\", expected \"{}\"{}", file.path(), printable(format), kFormat,
-         format == kCheckpointFormat
-             ? ": a training's state to go on from; the weights are in model.safetensors beside it"
-             : "");
+         format == kCheckpointFormat ? ": this is a training's state; the weights are in model.safetensors beside it"
+                                     : "");
   if (const std::string& version = metadata_at(file, "version"); version != kVersion)
-    fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made for another vsplat", file.path(),
-         printable(version), kVersion);
+    fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made for another version of vsplat",
+         file.path(), printable(version), kVersion);
   const auto found = file.metadata().find("system");
   return found == file.metadata().end() ? VsplatSystem::name : found->second;
 }
@@ -101,7 +100,8 @@ std::vector<std::uint16_t> halves_of(const std::string& path, const std::string&
   for (const float value : values) {
     const std::uint16_t half = to_half(value);
     if (std::isfinite(value) && std::isinf(from_half(half)))
-      fail(Status::input, "{}: tensor {} holds {}, and F16 ends at {}: write F32", path, name, value, kLargestHalf);
+      fail(Status::input, "{}: tensor {} holds {}, but the largest number of F16 is {}: write F32", path, name, value,
+           kLargestHalf);
     out.push_back(half);
   }
   return out;
@@ -127,7 +127,7 @@ AnyModel load_any_model(const SafetensorsFile& file) {
 ModelFile load_model(const SafetensorsFile& file) {
   AnyModel model = load_any_model(file);
   if (ModelFile* own = std::get_if<ModelFile>(&model)) return std::move(*own);
-  fail(Status::format, "{}: a model of {}, and {} is expected here", file.path(), network_of(model),
+  fail(Status::format, "{}: a model of {}, but {} is expected here", file.path(), network_of(model),
        VsplatSystem::network);
 }
 
@@ -143,7 +143,7 @@ void save(const std::string& path, const Config& config, const Weights& weights,
   check(config);
   std::map<std::string, std::string> metadata = provenance;
   for (const char* key : kReserved)
-    if (metadata.count(key) != 0) fail(Status::usage, "{}: provenance cannot be called {}", path, key);
+    if (metadata.count(key) != 0) fail(Status::usage, "{}: an entry of the provenance cannot be called {}", path, key);
   metadata["format"] = kFormat;
   metadata["version"] = kVersion;
   metadata["config"] = to_json(config);

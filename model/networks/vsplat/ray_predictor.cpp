@@ -150,7 +150,7 @@ Tensor RayPredictor::forward(Context& ctx, const Tensor& tokens, Saved* saved, c
   const Stage stage(ctx, "poses");
   const long v = tokens.dim(0), n = patches(), t = config_.tokens();
   if (v < 2 || v > config_.share_max_views)
-    fail(Status::usage, "{} views given, and where poses are predicted the network takes 2 to share_max_views = {}", v,
+    fail(Status::usage, "{} views given, but a network that predicts poses takes 2 to share_max_views = {}", v,
          config_.share_max_views);
   const auto told = [&](const std::string& name, const Tensor& x) {
     if (tap) tap("share." + name, x.reshaped({v, t, t, x.shape().back()}));

@@ -1,4 +1,4 @@
-/* Measures how soon a cancelled call stops, in plain C: a reconstruction, a refinement and a training, at sizes
+/* Measures how soon a cancelled call stops, in plain C: a reconstruction, a fit and a training, at sizes
    with long launches. The limit is 150 ms on two idle cores. Prints every check that fails; exits 1 if any did. */
 #include <math.h>
 #include <pthread.h>
@@ -176,11 +176,11 @@ static vsplat_views make_views(vsplat_device device) {
   return out;
 }
 
-static void a_refinement(vsplat_device device) {
+static void a_fit(vsplat_device device) {
   vsplat_views from = make_views(device);
   vsplat_scene start = make_scene(0);
-  vsplat_refine_options o = VSPLAT_REFINE_OPTIONS_INIT;
-  vsplat_refinement refinement = NULL;
+  vsplat_fit_options o = VSPLAT_FIT_OPTIONS_INIT;
+  vsplat_fit fit = NULL;
   stopper s;
   stretch whole = {0, 0};
   double took[trials];
@@ -192,11 +192,11 @@ static void a_refinement(vsplat_device device) {
   o.holdout = VSPLAT_HOLDOUT_COUNT;
   o.holdout_count = 1;
   o.steps = 1000;
-  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
-  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+  EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
+  EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more));
   {
     const double wall = now(), processor = processor_seconds();
-    for (i = 0; i < 5; ++i) EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+    for (i = 0; i < 5; ++i) EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more));
     whole = since(wall, processor);
     whole.seconds /= 5;
   }
@@ -208,13 +208,13 @@ static void a_refinement(vsplat_device device) {
     /* A cancellation that arrives at the end of a step or while the result is completed: then the next step is not
        requested, and nothing stops. */
     while (status == VSPLAT_OK && now() - tried < 10 * whole.seconds && (s.told == 0 || now() < s.told + 0.001))
-      status = vsplat_refinement_step(refinement, NULL, &more);
+      status = vsplat_fit_step(fit, NULL, &more);
     took[i] = end(&s);
     s.told = 0;
     HOLD(status == VSPLAT_OK || status == VSPLAT_ERROR_CANCELLED);
   }
-  holds("a refinement's step", took, trials, whole);
-  vsplat_refinement_release(refinement);
+  holds("a fit's step", took, trials, whole);
+  vsplat_fit_release(fit);
   vsplat_scene_release(start);
   vsplat_views_release(from);
 }
@@ -281,7 +281,7 @@ int main(void) {
   vsplat_device device = NULL;
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   a_reconstruction(device);
-  a_refinement(device);
+  a_fit(device);
   a_training(device);
   vsplat_device_release(device);
   return failures == 0 ? 0 : 1;

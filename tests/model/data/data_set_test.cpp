@@ -56,7 +56,7 @@ void expect_same(const Photographs& a, const Photographs& b, double tolerance) {
     EXPECT_LE((p.w2c - q.w2c).norm(), tolerance) << i;
     EXPECT_NEAR(p.fx, q.fx, tolerance * p.fx);
     EXPECT_NEAR(p.cy, q.cy, tolerance * p.cy);
-    const Framing framing{7, Fit::automatic};
+    const Framing framing{7, Crop::automatic};
     const FramedView u = LoadedPhotograph(a, static_cast<int>(i)).framed(framing),
                      v = LoadedPhotograph(b, static_cast<int>(i)).framed(framing);
     EXPECT_EQ(u.image.data, v.image.data) << i;
@@ -130,8 +130,8 @@ TEST(DataSetLayouts, ReadLaRasScannedObjects) {
   ASSERT_EQ(read.set.views.size(), static_cast<std::size_t>(views));
   for (int i = 0; i < views; ++i) {
     EXPECT_EQ(read.set.views[i].camera.width, 512);
-    const FramedView a = LoadedPhotograph(read, i).framed({7, Fit::automatic}),
-                     b = LoadedPhotograph(solid.photographs, i).framed({7, Fit::automatic});
+    const FramedView a = LoadedPhotograph(read, i).framed({7, Crop::automatic}),
+                     b = LoadedPhotograph(solid.photographs, i).framed({7, Crop::automatic});
     EXPECT_NEAR(a.camera.fx, b.camera.fx, 1e-9);
     EXPECT_EQ(a.camera.w2c, b.camera.w2c);
     EXPECT_EQ(read.set.views[i].name, fmt::format("r_{:03}.png", i));
@@ -244,7 +244,7 @@ TEST(DataSetLayouts, NameWhatIsWrongInHdf5OrLeaveItOut) {
       damage.write_third(file, solid);
     }
     const DataSet set = open_data_set({folder / "set.h5"});
-    const FrameRequest request{7, Fit::automatic, {}};
+    const FrameRequest request{7, Crop::automatic, {}};
     Names words = damage.words;
     words.insert(words.end(), {"object cup", "view 2"});
     expect_error(damage.status, words, [&] {
@@ -295,7 +295,7 @@ TEST(DataSetLayouts, RefuseDamagedHdf5Files) {
     try {
       for (const DataObject& object : open_data_set({folder / "bits.h5"}).objects) {
         if (object.name == "stray") continue;
-        const FrameRequest request{7, Fit::automatic, {}};
+        const FrameRequest request{7, Crop::automatic, {}};
         const FramedObject framed = frame_object(object, request);
         for (int i = 0; i < framed.views(); ++i) store_view(framed, i, request);
       }
@@ -372,7 +372,7 @@ TEST(DataSetLayouts, SuggestTheOtherConvention) {
   }
   expect_error(Status::input,
                {"object cup", "world-to-camera matrices (w2c) where the file's format has camera-to-world"}, [&] {
-                 frame_object(open_data_set({folder / "set.h5"}).objects[0], FrameRequest{7, Fit::automatic, {}});
+                 frame_object(open_data_set({folder / "set.h5"}).objects[0], FrameRequest{7, Crop::automatic, {}});
                });
 }
 

@@ -58,7 +58,7 @@ void expect_as_reconstructed(const std::string& folder, const TrainingOptions& o
   config.image = options.image;
   config.rebase = options.rebase;
   InputRequest request;
-  request.fit = options.fit;
+  request.crop = options.crop;
   request.placement = options.placement;
   for (const Camera& camera : read.cameras) request.names.push_back(camera.file);
   const Photographs photographs{read_views(fs::path(folder) / read.object), {}};
@@ -88,7 +88,7 @@ TEST(TrainingReader, GivesWhatReconstructFeedsTheNetwork) {
   options.placement.centre = Vector3d(0.1, 0, -0.1);
   expect_as_reconstructed(folder.string(), options, 0);
   options.image = 7;  // resampled: the 8-bit rounding of colour and alpha is visible
-  options.fit = Fit::object;
+  options.crop = Crop::object;
   expect_as_reconstructed(folder.string(), options, 1.01 / 255);
 }
 
@@ -201,7 +201,7 @@ TEST(TrainingReader, TakesTheEndOfAPhotographForNeitherAlphaNorBackground) {
   const TemporaryFolder folder;
   test::write_solids(folder, 1, 9, kSide);
   TrainingOptions options = options_of();
-  options.alpha = true, options.fit = Fit::pad;
+  options.alpha = true, options.crop = Crop::pad;
   EXPECT_FALSE(TrainingReader(open_data_set({folder.string()}), options).at(0, 0).rgba.front().empty());
   test::take_alpha(folder, 1);
   const TrainingViews plain = TrainingReader(open_data_set({folder.string()}), options).at(0, 0);
@@ -376,7 +376,7 @@ std::vector<DamagedObject> damaged_objects() {
       {"a picture is missing",
        [=](const std::string& f) { fs::remove(f + third); },
        Status::file,
-       {"object solid_1", "images/0003.png", "picture is not there"},
+       {"object solid_1", "images/0003.png", "picture is missing"},
        1},
       {"a picture is cut off",
        [=](const std::string& f) { test::put_file(f + third, test::contents_of(f + third).substr(0, 60)); },

@@ -57,7 +57,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
   const Model model(ctx);
   EvaluateOptions asked;
   asked.request.judged = judged;
-  asked.request.fit = masked ? Fit::automatic : Fit::pad;
+  asked.request.crop = masked ? Crop::automatic : Crop::pad;
   const Evaluation got = evaluate(ctx, *model.network, open_data_set({folder.string()}), asked);
   const int side = judged > 0 ? judged : kSide;
   ASSERT_EQ(got.objects.size(), 3u);
@@ -74,14 +74,14 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
     for (const ListedView& view : set.views) positions.push_back(view.camera.centre());
     const auto prepared = [&](int view, int edge) {
       const ListedView& listed = set.views[static_cast<std::size_t>(view)];
-      return prepare_view(listed.camera, listed.picture.string(), "", {edge, asked.request.fit});
+      return prepare_view(listed.camera, listed.picture.string(), "", {edge, asked.request.crop});
     };
     // The area that a black photograph of the same size covers.
     const auto shown_of = [&](int view) {
       const Camera& camera = set.views[static_cast<std::size_t>(view)].camera;
       Image out(side, side, 3, 1.0f);
       if (masked) return out;
-      out = prepare_view(camera, Image(camera.width, camera.height, 3), nullptr, {side, asked.request.fit}).image;
+      out = prepare_view(camera, Image(camera.width, camera.height, 3), nullptr, {side, asked.request.crop}).image;
       for (float& v : out.data) v = 1 - v;
       return out;
     };

@@ -223,7 +223,7 @@ TEST_F(SceneFitTest, AnotherRequestsStateIsRefused) {
   test::expect_error(Status::usage, {"refinement.safetensors", "resume"}, [&] { run(request); });
   request.resume = true;
   request.steps = 70;
-  test::expect_error(Status::usage, {"refinement.safetensors", "another refinement"}, [&] { run(request); });
+  test::expect_error(Status::usage, {"refinement.safetensors", "another fit"}, [&] { run(request); });
 }
 
 TEST_F(SceneFitTest, OneFitKeepsItsStateInAFolder) {
@@ -273,7 +273,7 @@ TEST_F(SceneFitTest, TimeEndsItBefore) {
   EXPECT_LT(result.seconds, 5);
 }
 
-TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotRefined) {
+TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotFitted) {
   make(1);
   const FitResult result = run({});
   EXPECT_TRUE(result.start_returned);

@@ -128,8 +128,8 @@ TEST(Checkpoint, IsNoModelAndTheRefusalTellsWhereThatIs) {
   save_checkpoint(path, sample(3));
   EXPECT_EQ(refusal([&] { load_model(path); }, Status::format),
             path +
-                ": metadata format is \"vsplat-checkpoint\", expected \"vsplat-model\": a training's state to go on "
-                "from; the weights are in model.safetensors beside it");
+                ": metadata format is \"vsplat-checkpoint\", expected \"vsplat-model\": this is a training's state; "
+                "the weights are in model.safetensors beside it");
 }
 
 TEST(Checkpoint, RefusesOtherFilesByWhatIsWrong) {

@@ -163,7 +163,7 @@ TEST(Report, WhatIsMissingOrDamagedIsTold) {
   const std::string page = folder / "page.html";
   expect_error(Status::file, {run, "neither config.json nor log.csv"}, [&] { write_report({run}, page); });
   expect_error(Status::file, {folder / "none", "no folder"}, [&] { write_report({folder / "none"}, page); });
-  expect_error(Status::usage, {"no run"}, [&] { write_report({}, page); });
+  expect_error(Status::usage, {"at least one run"}, [&] { write_report({}, page); });
   EXPECT_FALSE(fs::exists(page));
   put_file(run + "/config.json", "{}");
   expect_error(Status::file, {"nowhere"}, [&] { write_report({run}, folder / "nowhere/page.html"); });

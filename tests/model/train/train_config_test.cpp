@@ -84,7 +84,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.frozen = {"encoder.model.blocks.0", "dir_norm"};
   c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
   c.random_background = false;
-  c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1, c.procedural = 0.3, c.pose_noise = 0.02;
+  c.crop = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1, c.procedural = 0.3, c.pose_noise = 0.02;
   c.mirror = 0.5, c.shuffle_channels = 0.6;
   c.half_size = 0.4, c.rooms = 0.2;
   c.log_every = 0, c.sheet_every = 5, c.checkpoint_every = 11, c.keep_checkpoints = 1, c.cache_gib = 0.25;
@@ -261,7 +261,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"clip_norm": 0})", "clip_norm must be above 0 (found 0)"},
       {R"({"ssim_weight": -1})", "ssim_weight must be at least 0 (found -1)"},
       {R"({"alpha_weight": -1})", "alpha_weight must be at least 0 (found -1)"},
-      {R"({"frozen": ["encode", "encoders"]})", "frozen must be how the name of a parameter starts"},
+      {R"({"frozen": ["encode", "encoders"]})", "frozen must be the beginning of a parameter's name"},
       {R"({"frozen": [""]})", "(found \"\")"},
       {R"({"frozen": ["encoder", "dir_norm", "volume", "voxel", "predictor"]})", "must leave something to train"},
       {R"({"inputs_max": 17})", "inputs_max must be 1 to 16 (found 17)"},

@@ -170,7 +170,7 @@ TEST(Photographs, AreTurnedWhereTheListedSizeSaysSo) {
     EXPECT_EQ(resolved_view(photographs, 0).camera.height, height > width ? 96 : 64);
     LoadedPhotograph loaded(photographs, 0);
     EXPECT_EQ(loaded.listed().camera.width, height > width ? 64 : 96);
-    const FramedView framed = loaded.framed({32, Fit::crop});
+    const FramedView framed = loaded.framed({32, Crop::crop});
     return framed.image.at(static_cast<int>(32 * across), static_cast<int>(32 * down))[0] > 0.5f;
   };
   EXPECT_TRUE(red_at(64, 96, 0.5, 0.2));  // posed as displayed

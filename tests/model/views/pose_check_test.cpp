@@ -95,10 +95,11 @@ TEST(PoseCheck, NamesTheSwapOfAnEstimatedCube) {
       EXPECT_NE(poses_that_meet(inverted, PoseConvention::opencv_w2c).find("camera-to-world matrices (c2w) where"),
                 std::string::npos)
           << text;
-      expect_error(Status::input,
-                   {"behind", "do not meet before them", "camera-to-world matrices (c2w) where", "correct the poses"},
-                   [&] { check_centre_is_seen(inverted, PoseConvention::opencv_w2c, estimated(inverted)); });
-      expect_error(Status::input, {"do not meet before them", "OpenGL axes (y up, -z forward) where"},
+      expect_error(
+          Status::input,
+          {"behind", "do not meet in front of them", "camera-to-world matrices (c2w) where", "correct the poses"},
+          [&] { check_centre_is_seen(inverted, PoseConvention::opencv_w2c, estimated(inverted)); });
+      expect_error(Status::input, {"do not meet in front of them", "OpenGL axes (y up, -z forward) where"},
                    [&] { check_centre_is_seen(other_axes, PoseConvention::opencv_w2c, estimated(other_axes)); });
       // In a transforms.json: world-to-camera where camera-to-world is expected.
       const auto in_json =

@@ -79,9 +79,9 @@ TEST(Views, AlphaAndMaskMultiplyOnWhite) {
 }
 
 TEST(Views, ObjectPutsTheCubeInTheMiddle) {
-  for (const Fit fit : {Fit::object, Fit::automatic}) {
+  for (const Crop crop : {Crop::object, Crop::automatic}) {
     const Camera camera = test_camera(90, 60);
-    const Framing framing{.size = 48, .fit = fit, .centre = {0.2, -0.1, 0.3}, .edge = 1.2};
+    const Framing framing{.size = 48, .crop = crop, .centre = {0.2, -0.1, 0.3}, .edge = 1.2};
     const PreparedView view = prepare_view(camera, random_picture(90, 60, 3, 4), nullptr, framing);
     EXPECT_EQ(view.camera.width, 48);
     EXPECT_EQ(view.camera.height, 48);
@@ -104,9 +104,9 @@ TEST(Views, IntrinsicsMoveWithThePicture) {
       picture.at(x, y)[1] = static_cast<float>((y + 0.5) / h);
     }
   const Camera camera = test_camera(w, h);
-  for (const Fit fit : {Fit::automatic, Fit::object, Fit::crop, Fit::pad})
+  for (const Crop crop : {Crop::automatic, Crop::object, Crop::crop, Crop::pad})
     for (const int size : {16, 33, 90}) {
-      const PreparedView view = prepare_view(camera, picture, nullptr, {.size = size, .fit = fit, .edge = 0.9});
+      const PreparedView view = prepare_view(camera, picture, nullptr, {.size = size, .crop = crop, .edge = 0.9});
       int checked = 0;
       for (int j = 0; j < size; ++j)
         for (int i = 0; i < size; ++i) {
@@ -124,8 +124,8 @@ TEST(Views, IntrinsicsMoveWithThePicture) {
 
 TEST(Views, CropKeepsAndPadAddsWhite) {
   const Image picture = random_picture(20, 11, 3, 5);
-  const PreparedView crop = prepare_view(test_camera(20, 11), picture, nullptr, {.size = 11, .fit = Fit::crop});
-  const PreparedView pad = prepare_view(test_camera(20, 11), picture, nullptr, {.size = 20, .fit = Fit::pad});
+  const PreparedView crop = prepare_view(test_camera(20, 11), picture, nullptr, {.size = 11, .crop = Crop::crop});
+  const PreparedView pad = prepare_view(test_camera(20, 11), picture, nullptr, {.size = 20, .crop = Crop::pad});
   for (int y = 0; y < 11; ++y)
     for (int c = 0; c < 3; ++c) {
       for (int x = 0; x < 11; ++x) ASSERT_EQ(crop.image.at(x, y)[c], picture.at(x + 4, y)[c]);
@@ -175,7 +175,7 @@ TEST(Views, ACubeThatCannotBeFramedIsRefused) {
   expect_input_error(test_camera(30, 20), picture, nullptr, {.size = 16, .edge = std::nan("")}, "pixels wide");
   // Padding the whole picture needs no cube.
   EXPECT_NO_THROW(
-      prepare_view(test_camera(30, 20), picture, nullptr, {.size = 16, .fit = Fit::pad, .centre = {0, 0, -40}}));
+      prepare_view(test_camera(30, 20), picture, nullptr, {.size = 16, .crop = Crop::pad, .centre = {0, 0, -40}}));
 }
 
 TEST(Views, AMaskWithoutWhiteIsWarnedOf) {
@@ -204,11 +204,11 @@ TEST(Views, ReadsFilesAndNamesThem) {
 }
 
 TEST(Views, FitsHaveNames) {
-  EXPECT_EQ(fit_from_name("auto"), Fit::automatic);
-  EXPECT_EQ(fit_from_name("object"), Fit::object);
-  EXPECT_EQ(fit_from_name("crop"), Fit::crop);
-  EXPECT_EQ(fit_from_name("pad"), Fit::pad);
-  EXPECT_THROW(fit_from_name("stretch"), Error);
+  EXPECT_EQ(crop_from_name("auto"), Crop::automatic);
+  EXPECT_EQ(crop_from_name("object"), Crop::object);
+  EXPECT_EQ(crop_from_name("crop"), Crop::crop);
+  EXPECT_EQ(crop_from_name("pad"), Crop::pad);
+  EXPECT_THROW(crop_from_name("stretch"), Error);
 }
 
 TEST(WholeViews, APictureThatIsNotScaledIsTakenBitForBit) {

@@ -121,7 +121,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_get_info(vsplat_device d
    call ends with VSPLAT_ERROR_CANCELLED at its next kernel launch, once the work enqueued before is done: some 50 ms of
    work and one kernel. A kernel that is being compiled is finished first, which takes seconds with some drivers
    (vsplat_device_prepare compiles ahead). The stopped call produces nothing and leaves all objects as they were. A
-   training writes a checkpoint of its last whole step; a fit (vsplat/refine.h) continues with its next step. Does
+   training writes a checkpoint of its last whole step; a fit (vsplat/fit.h) continues with its next step. Does
    nothing if no call is using the device. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_cancel(vsplat_device device);
 

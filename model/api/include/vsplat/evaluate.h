@@ -51,7 +51,7 @@ typedef struct vsplat_evaluate_options {
   double center[3];
   double scale;
   int32_t auto_frame;
-  vsplat_fit fit;
+  vsplat_crop crop;
   const char* lpips;                 /* folder with alex.safetensors, vgg.safetensors or both: torchvision's
                                         features.N.weight and .bias, and LPIPS' linK.model.1.weight; NULL: no LPIPS */
   int32_t skip_bad;                  /* 1: views and objects that cannot be read are skipped with a warning */
@@ -63,8 +63,7 @@ typedef struct vsplat_evaluate_options {
   /* May be NULL. Called after each object, so that the caller has the finished results even if a later object fails or
      `progress` cancels. Both arguments are valid during the call. */
   void (*on_object)(void* user, const char* name, const vsplat_scores* scores);
-  int32_t
-      refine; /* 1: fits the scene to the inputs, and to them alone, with the defaults of vsplat/refine.h, and compares
+  int32_t refine; /* 1: fits the scene to the inputs, and to them alone, with the defaults of vsplat/fit.h, and compares
                  the fitted scene; the coarse level stays the network's */
   /* Standard deviation of noise on the input poses given to the network, except the first: in radians and in edges of
      the cube, 0 to 1 (0: none). pose_draws is how often it is drawn (0: once); an object's scores are the means. The
@@ -84,10 +83,10 @@ typedef struct vsplat_evaluate_options {
   uint64_t supersample; /* as in vsplat_render_options; 0: chosen from the inputs' resolution at the model's size.
                            Scenes of `refine` have one sample if it is 0 */
 } vsplat_evaluate_options;
-#define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
-  {                                                                                                                \
-    sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0, 0, 0                                                           \
+#define VSPLAT_EVALUATE_OPTIONS_INIT                                                                                \
+  {                                                                                                                 \
+    sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_CROP_AUTO, NULL, 0, 0, \
+        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0, 0, 0                                                            \
   }
 
 /* The results of one run. Belongs to no device; several threads may read it. */

@@ -13,7 +13,7 @@ extern "C" {
 typedef enum vsplat_program_jobs {
   VSPLAT_PROGRAMS_OF_RECONSTRUCT = 1,
   VSPLAT_PROGRAMS_OF_RENDER = 2, /* volumes and surfels, and their gradients */
-  VSPLAT_PROGRAMS_OF_REFINE = 4,
+  VSPLAT_PROGRAMS_OF_FIT = 4,
   VSPLAT_PROGRAMS_OF_TRAIN = 8
 } vsplat_program_jobs;
 

@@ -154,12 +154,12 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_get_files(vsplat_views vi
    placed. */
 typedef struct vsplat_input_impl* vsplat_input;
 
-typedef enum vsplat_fit {
-  VSPLAT_FIT_AUTO = 0,   /* resamples square pictures, crops others as OBJECT */
-  VSPLAT_FIT_OBJECT = 1, /* the square about the cube's projected centre that spans 1.5 of its edges */
-  VSPLAT_FIT_CROP = 2,   /* the centre square */
-  VSPLAT_FIT_PAD = 3     /* the whole picture, padded with white */
-} vsplat_fit;
+typedef enum vsplat_crop {
+  VSPLAT_CROP_AUTO = 0,   /* resamples square pictures, crops others as OBJECT */
+  VSPLAT_CROP_OBJECT = 1, /* the square about the cube's projected centre that spans 1.5 of its edges */
+  VSPLAT_CROP_CROP = 2,   /* the centre square */
+  VSPLAT_CROP_PAD = 3     /* the whole picture, padded with white */
+} vsplat_crop;
 
 typedef struct vsplat_input_options {
   size_t size;
@@ -171,13 +171,13 @@ typedef struct vsplat_input_options {
   double scale;       /* the cube's edge in world units; 0: not set */
   int32_t auto_frame; /* 1: estimates what is not set: from the points that come with the views, else from masks, else
                          from the cameras' axes; 0: estimates only what the file does not list either */
-  vsplat_fit fit;
+  vsplat_crop crop;
   int32_t force;      /* 1: continues even if the cube seems to be behind or outside most views */
   int32_t view_count; /* how many views are picked if there are more and `names` is NULL, from 1 to the model's
                          max_views; 0: the model's use_views */
 } vsplat_input_options;
 #define VSPLAT_INPUT_OPTIONS_INIT \
-  { sizeof(vsplat_input_options), NULL, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, 0, 0 }
+  { sizeof(vsplat_input_options), NULL, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_CROP_AUTO, 0, 0 }
 
 typedef struct vsplat_input_info {
   size_t size;

@@ -33,13 +33,13 @@
 #include <vsplat/device.h>
 #include <vsplat/doctor.h>
 #include <vsplat/evaluate.h>
+#include <vsplat/fit.h>
 #include <vsplat/jobs.h>
 #include <vsplat/model.h>
 #include <vsplat/pictures.h>
 #include <vsplat/programs.h>
 #include <vsplat/ranks.h>
 #include <vsplat/reconstruct.h>
-#include <vsplat/refine.h>
 #include <vsplat/render.h>
 #include <vsplat/report.h>
 #include <vsplat/scene.h>

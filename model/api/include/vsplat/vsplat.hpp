@@ -455,9 +455,9 @@ inline Gradient render_backward(const Device& device, const Scene& scene, const 
 #include <vsplat/dataset.hpp>
 #include <vsplat/doctor.hpp>
 #include <vsplat/evaluate.hpp>
+#include <vsplat/fit.hpp>
 #include <vsplat/jobs.hpp>
 #include <vsplat/pictures.hpp>
-#include <vsplat/refine.hpp>
 #include <vsplat/share.hpp>
 #include <vsplat/train.hpp>
 

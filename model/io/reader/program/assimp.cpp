@@ -201,7 +201,7 @@ void Teller::tell() {
   if (most > 1.01f && most < 255.5f) {
     colour_scale_ = 1 / 255.0f;
     library_.say(Kind::note,
-                 Packer().text(fmt::format("its vertices' colours go to {}: they are taken as 0 to 255", most)));
+                 Packer().text(fmt::format("its vertices' colours go up to {}: they are read as 0 to 255", most)));
   }
   std::vector<MeshMaterial> materials;
   for (unsigned i = 0; i < scene_.mNumMaterials; ++i) materials.push_back(material(*scene_.mMaterials[i]));

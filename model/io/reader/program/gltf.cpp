@@ -54,7 +54,7 @@ void check_extensions(const GltfFile& file, Library& library) {
     const std::string name = required[i].text();
     if (known_extensions().count(name) == 0)
       fail_reading(Status::input, "extensionsRequired",
-                   fmt::format("the file cannot be shown without the extension {}, which is not read; save it without",
+                   fmt::format("the file requires the extension {}, which is not read; save it without this extension",
                                printable(name)));
   }
   // Without these, another picture stands in: one that is read.
@@ -64,7 +64,7 @@ void check_extensions(const GltfFile& file, Library& library) {
     const std::string name = used[i].text();
     if (known_extensions().count(name) == 0 && have_fallbacks.count(name) == 0)
       library.say(Kind::note, Packer().text(fmt::format(
-                                  "uses the extension {}, which is not read: what it changes of the picture is missing",
+                                  "uses the extension {}, which is not read: its effect on the picture is missing",
                                   printable(name))));
   }
 }
@@ -204,7 +204,7 @@ Places Teller::skinned(GltfPrimitive& primitive, const Field& skin) const {
       if (weight == 0) continue;
       if (numbers[i] >= all.size())
         primitive.field()["attributes"][name.c_str()].wrong(
-            fmt::format("vertex {} hangs on joint {}, the skin has {}", i / 4, numbers[i], all.size()));
+            fmt::format("vertex {} uses joint {}, but the skin has {} joints", i / 4, numbers[i], all.size()));
       out[i / 4] += weight * all[numbers[i]];
       sums[i / 4] += weight;
     }

@@ -127,7 +127,7 @@ Numbers read_numbers(GltfFile& file, const Field& number, const std::vector<std:
   out.count = accessor["count"].whole();
   out.width = accessor_width(accessor);
   if (std::find(widths.begin(), widths.end(), out.width) == widths.end())
-    accessor["type"].wrong(fmt::format("is {}; {} numbers each are expected of {}", accessor["type"].text(),
+    accessor["type"].wrong(fmt::format("is {}; {} numbers each are expected for {}", accessor["type"].text(),
                                        fmt::join(widths, " or "), number.place()));
   const float scale = accessor_scale(accessor);
   const float least = scale == 1 ? -HUGE_VALF : -1.0f;  // signed types have one more value below 0
@@ -143,10 +143,10 @@ std::vector<std::uint32_t> read_wholes(GltfFile& file, const Field& number, std:
   const std::size_t count = accessor["count"].whole();
   const std::uint64_t type = accessor["componentType"].whole();
   if (type != 5121 && type != 5123 && type != 5125)
-    accessor["componentType"].wrong(fmt::format("is {}; 5121, 5123 or 5125 is expected of {}", type, number.place()));
+    accessor["componentType"].wrong(fmt::format("is {}; 5121, 5123 or 5125 is expected for {}", type, number.place()));
   if (accessor_width(accessor) != width)
     accessor["type"].wrong(
-        fmt::format("is {}; {} a place are expected of {}", accessor["type"].text(), width, number.place()));
+        fmt::format("is {}; {} numbers each are expected for {}", accessor["type"].text(), width, number.place()));
   std::vector<std::uint32_t> out(count * width);
   for_values(file, accessor, count, width, [&](std::size_t row, std::size_t column, double value) {
     out[row * width + column] = static_cast<std::uint32_t>(value);

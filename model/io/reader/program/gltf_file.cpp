@@ -128,7 +128,7 @@ bool GltfFile::read() {
   if (first_version_) return false;
   if (!json_.is_object()) unreadable("its JSON is no object");
   const std::string version = root()["asset"]["version"].text();
-  if (version.empty()) unreadable("asset.version is not there; it is no glTF file");
+  if (version.empty()) unreadable("asset.version is missing; it is not a glTF file");
   if (version[0] == '1') return false;
   if (version[0] != '2') unreadable(fmt::format("it is glTF {}; 2.0 is expected", printable(version)));
   return true;
@@ -151,7 +151,7 @@ void GltfFile::split(Bytes file) {
     if (size > file.size() - at)
       unreadable(fmt::format("a GLB whose chunk at byte {} claims {} bytes, {} follow: it is cut off or damaged", at,
                              size, file.size() - at));
-    if ((chunk == 0) != (type == json)) unreadable("a GLB whose first chunk, and no other, has to be its JSON");
+    if ((chunk == 0) != (type == json)) unreadable("a GLB must have its JSON in the first chunk and in no other");
     if (chunk == 0) parse(file.subspan(at, size));
     if (type == bin)
       chunk_.assign(file.begin() + static_cast<std::ptrdiff_t>(at),
@@ -185,7 +185,7 @@ std::optional<std::vector<unsigned char>> GltfFile::inside(const Field& uri) con
     return std::vector<unsigned char>(plain.begin(), plain.end());
   }
   auto out = from_base64(data.find('%') == data.npos ? std::string(data) : without_percents(data));
-  if (!out) uri.wrong("is a data URI of which the data are not base64");
+  if (!out) uri.wrong("is a data URI whose data are not base64");
   return out;
 }
 
@@ -204,7 +204,7 @@ std::vector<unsigned char> GltfFile::read_buffer(const Field& of, bool first) {
   std::string where = "it";
   std::vector<unsigned char> out;
   if (!uri.there()) {
-    if (!binary_ || !first) of.wrong("has no uri, and is not the first buffer of a GLB: its bytes are nowhere");
+    if (!binary_ || !first) of.wrong("has no uri and is not the first buffer of a GLB: it has no bytes");
     out = std::move(chunk_);
   } else if (auto data = inside(uri)) {
     out = std::move(*data);
@@ -212,7 +212,7 @@ std::vector<unsigned char> GltfFile::read_buffer(const Field& of, bool first) {
     where = file_of(uri);
     auto file = whole_file(beside(where), library_);
     if (!file)
-      fail_reading(Status::input, uri.place(), fmt::format("its buffer {} is missing; put it there", printable(where)));
+      fail_reading(Status::input, uri.place(), fmt::format("its buffer {} is missing; add the file", printable(where)));
     out = std::move(*file);
   }
   if (out.size() < size)

@@ -47,7 +47,7 @@ Field Materials::picture_of(const Field& texture) {
   for (const std::string& name : extensions.names())
     if (extensions[name.c_str()]["source"].there())
       fail_reading(Status::input, texture.place(),
-                   fmt::format("its picture is given by the extension {} alone, which is not read; convert it to PNG, "
+                   fmt::format("its picture is given only by the extension {}, which is not read; convert it to PNG, "
                                "JPEG or WebP, for example with gltf-transform",
                                printable(name)));
   texture.wrong("has no source: a picture is expected");

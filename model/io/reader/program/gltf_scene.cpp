@@ -46,7 +46,7 @@ void GltfScene::find_parents() {
       const std::size_t child = children[k].index(nodes_.size(), "nodes");
       if (parents_[child] != none)
         children[k].wrong(
-            fmt::format("is {}, which nodes[{}] has as a child already: trees are expected", child, parents_[child]));
+            fmt::format("is {}, which is already a child of nodes[{}]: trees are expected", child, parents_[child]));
       parents_[child] = i;
     }
   }

@@ -69,7 +69,7 @@ std::vector<long> shape_of(const Handle& dataset, const std::string& where) {
 // Refuses arrays whose values are stored elsewhere: in raw files, or in other files' arrays.
 void refuse_stored_elsewhere(const Handle& dataset, const std::string& where) {
   const Handle made(H5Dget_create_plist(dataset.id()), H5Pclose);
-  if (!made.good()) fail_reading(Status::format, where, "how it is stored cannot be told: " + reason());
+  if (!made.good()) fail_reading(Status::format, where, "its storage layout cannot be read: " + reason());
   if (H5Pget_external_count(made.id()) > 0)
     fail_reading(Status::format, where, "its values are stored in other files (external storage), which are not read");
   if (H5Pget_layout(made.id()) == H5D_VIRTUAL)

@@ -22,7 +22,8 @@ void watch_memory() {
 bool memory_was_short() { return was_short; }
 
 Wrong short_of_memory() {
-  return {Status::format, "", "reading it takes more memory than a file of its size should; it is damaged, or made to"};
+  return {Status::format, "",
+          "reading it takes more memory than a file of its size should; it is damaged, or made to exhaust memory"};
 }
 
 void fail_reading(Status status, const std::string& place, const std::string& text) {

@@ -101,8 +101,8 @@ std::string MtlMaterials::texture_line(const Line& line) {
   const auto refuse = [&](const std::string& what) {
     if (!refused_)
       refused_ = Wrong(Status::input, fmt::format("{}, line {}", printable(line.path), line.number),
-                       fmt::format("{} with {}: this changes the texture and is not read; put it into the picture and "
-                                   "leave the option out",
+                       fmt::format("{} with {}: this option changes the texture and is not read; apply it to the "
+                                   "picture and remove the option",
                                    line.word, what));
   };
   const bool seen = kind == "map_kd" || kind == "map_ke" || kind == "map_emissive";
@@ -139,10 +139,9 @@ std::string MtlMaterials::texture_line(const Line& line) {
   if (kind == "map_kd") all_[name_].diffuse = texture, diffuse_file_ = rest;
   if (kind == "map_ke" || kind == "map_emissive") all_[name_].emission = texture;
   if (kind == "map_d" && rest != diffuse_file_)
-    notes_.push_back(
-        fmt::format("material \"{}\": the holes that {} makes (map_d) are not drawn; the alpha of the "
-                    "texture of map_Kd is read",
-                    printable(name_), printable(rest)));
+    notes_.push_back(fmt::format(
+        "material \"{}\": the holes of {} (map_d) are not drawn; put them into the alpha of map_Kd's texture",
+        printable(name_), printable(rest)));
   return fmt::format("{} {}", kind == "map_kd" ? "map_Kd" : line.word, rest);
 }
 
@@ -152,8 +151,9 @@ std::string MtlMaterials::colour_line(const Line& line) {
   std::string_view rest = without_comment(line.rest), after = rest;
   const std::string form = lower(take_word(after));
   if ((form == "spectral" || form == "xyz") && (kind == "kd" || kind == "ke") && !refused_)
-    refused_ = Wrong(Status::input, fmt::format("{}, line {}", printable(line.path), line.number),
-                     fmt::format("{} {}: this colour is not read; write it as {} r g b", line.word, form, line.word));
+    refused_ = Wrong(
+        Status::input, fmt::format("{}, line {}", printable(line.path), line.number),
+        fmt::format("{} {}: this form of a colour is not read; write it as {} r g b", line.word, form, line.word));
   float value = 0;
   const bool single = after.empty() && is_number(rest, value);
   const std::string numbers = single ? fmt::format("{0} {0} {0}", rest) : std::string(rest);
@@ -163,7 +163,7 @@ std::string MtlMaterials::colour_line(const Line& line) {
 // Notes problems of the current material, once all of its lines have been read.
 void MtlMaterials::end_material() {
   if (has_ambient_ && diffuse_file_.empty())
-    notes_.push_back(fmt::format("material \"{}\": its texture is of map_Ka alone, which is not drawn; map_Kd is",
+    notes_.push_back(fmt::format("material \"{}\": its only texture is map_Ka, which is not drawn; name it as map_Kd",
                                  printable(name_)));
   has_ambient_ = false;
   diffuse_file_.clear();
@@ -211,8 +211,9 @@ void MtlMaterials::look_for_uses(std::string_view obj) {
 void MtlMaterials::note_unknown() {
   for (const std::string& name : used_)
     if (!all_.empty() && all_.count(name) == 0 && all_.count(std::string(without_comment(name))) == 0)
-      notes_.push_back(fmt::format(
-          "material \"{}\" is used and is in none of its material files: its faces have another", printable(name)));
+      notes_.push_back(
+          fmt::format("material \"{}\" is used, but is in none of its material files: its faces get another material",
+                      printable(name)));
 }
 
 const MtlMaterial* MtlMaterials::find(const std::string& name) const {

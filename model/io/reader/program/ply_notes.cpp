@@ -32,16 +32,16 @@ void note_ply_header(const std::string& path, Library& library) {
     if (word == "comment" && second == "TextureFile") {
       std::getline(words >> std::ws, name);
       if (!texture.empty() && name != texture)
-        fail_reading(Status::input, "",
-                     fmt::format("names several textures, {} and {}, and one is read; save it with one, or as OBJ or "
-                                 "glTF",
-                                 printable(texture), printable(name)));
+        fail_reading(
+            Status::input, "",
+            fmt::format("names several textures, {} and {}, but only one is read; save it with one, or as OBJ or glTF",
+                        printable(texture), printable(name)));
       texture = name;
     }
     if (word != "property" || second == "list") continue;
     words >> name;
     if (element == "face" && (name == "red" || name == "diffuse_red"))
-      note("the colours of its faces are not read; give its vertices the colours");
+      note("the colours of its faces are not read; colour its vertices instead");
     if (element == "vertex" && name == "diffuse_red")
       note(
           "its vertices' colours are called diffuse_red, diffuse_green and diffuse_blue and are not read; call them "

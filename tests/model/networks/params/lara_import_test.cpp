@@ -59,7 +59,7 @@ TEST(LaraImport, WhatShapesDoNotTellIsAskedFor) {
     for (std::size_t i = 0; i < options.fields.size(); ++i)
       if (i != left) fewer.fields.push_back(options.fields[i]);
     const std::string field = options.fields[left].substr(0, options.fields[left].find('='));
-    expect_error(Status::usage, {"do not tell " + field + ":"}, [&] { import_model(path, fewer); });
+    expect_error(Status::usage, {"do not determine " + field + ":"}, [&] { import_model(path, fewer); });
   }
   const ImportedModel got = import_model(path, options);
   EXPECT_EQ(got.named, "");

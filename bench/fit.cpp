@@ -1,4 +1,4 @@
-// A step of refinement: a picture drawn, its loss, all gradients and the optimiser, beside drawing and its derivative
+// A step of a fit: a picture drawn, its loss, all gradients and the optimiser, beside drawing and its derivative
 // alone.
 #include <algorithm>
 #include <cmath>
@@ -87,7 +87,7 @@ Prepared prepare_step(Context& ctx, const std::string& name, const std::string& 
 
 }  // namespace
 
-std::vector<Case> refine_cases(const Options& options) {
+std::vector<Case> fit_cases(const Options& options) {
   std::vector<Case> cases;
   for (const std::string& name : options.scenes.empty() ? scene_names() : scene_names(options.scenes)) {
     cases.push_back(

@@ -1,4 +1,4 @@
-#include "model/api/refine_start.h"
+#include "model/api/fit_source.h"
 
 #include <algorithm>
 #include <cmath>
@@ -74,7 +74,7 @@ std::vector<ColoredPoint> points_of(const Photographs& photographs) {
   return read_colmap_points(photographs.set.source);  // its error says where it searched
 }
 
-ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const Config& config) {
+ReconstructOptions reconstruct_options_of(const vsplat_fit_options& o, const Config& config) {
   vsplat_reconstruct_options r = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
   if (o.reconstruct) r = taken(o.reconstruct, r, "options.reconstruct");
   if (r.voxels || r.selection)
@@ -99,13 +99,13 @@ int view_count(const InputRequest& input, const Config& config) {
 // Reconstructs from views of a set. Owns all that it needs except device and photographs.
 class Prediction {
  public:
-  Prediction(vsplat_device device, const Photographs& photographs, const vsplat_refine_options& o,
+  Prediction(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
              const InputRequest& input, const Placement& placement, std::vector<int> inputs,
              std::shared_ptr<std::vector<int>> selected)
       : device_(device),
         photographs_(photographs),
         model_(o.model),
-        fit_(input.fit),
+        crop_(input.crop),
         placement_(placement),
         options_(reconstruct_options_of(o, vsplat_file(o.model).config)),
         named_(!input.names.empty()),
@@ -116,7 +116,7 @@ class Prediction {
   Scene operator()(const std::vector<int>& views) const {
     const Config& config = vsplat_file(model_.get()).config;
     const std::vector<int> chosen = chosen_of(views);
-    const Framing framing{config.image, fit_, placement_.centre, placement_.edge};
+    const Framing framing{config.image, crop_, placement_.centre, placement_.edge};
     std::vector<PreparedView> prepared;
     std::vector<Camera> cameras;
     std::string names;
@@ -149,7 +149,7 @@ class Prediction {
   vsplat_device device_;
   const Photographs& photographs_;
   Kept<vsplat_model, vsplat_model_retain, vsplat_model_release> model_;
-  Fit fit_;
+  Crop crop_;
   Placement placement_;
   ReconstructOptions options_;
   bool named_;
@@ -169,27 +169,27 @@ std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const 
   return out;
 }
 
-RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
-                     const std::vector<int>& used) {
+FitSource start_of(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+                   const std::vector<int>& used) {
   const Photographs& photographs = views->photographs;
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
-  RefineStart made;
+  FitSource made;
   FitStart& out = made.start;
   const auto always = [&out](Scene scene) {
     out.make = [kept = std::make_shared<const Scene>(std::move(scene))](const std::vector<int>&) { return *kept; };
   };
   const auto most = static_cast<long>(o.max_gaussians);
   switch (value_of(o.start)) {
-    case VSPLAT_REFINE_SCENE: {
+    case VSPLAT_FIT_SCENE: {
       need(o.scene, "options.scene");
       const std::shared_ptr<const Scene> scene = o.scene->now();
-      if (scene->gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
+      if (scene->gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to fit");
       out.placement = place(photographs, input, scene.get(), used);
       out.make = [scene](const std::vector<int>&) { return *scene; };
       return made;
     }
-    case VSPLAT_REFINE_NETWORK:
+    case VSPLAT_FIT_NETWORK:
       need(o.model, "options.model");
       out.placement = place(photographs, input, nullptr, used);
       {
@@ -200,26 +200,26 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
       }
       out.independent = true;
       return made;
-    case VSPLAT_REFINE_POINTS: {
+    case VSPLAT_FIT_POINTS: {
       const std::vector<ColoredPoint> points = points_of(photographs);
       out.placement = place(photographs, input, nullptr, used, &points);
       always(scene_from_points(points, out.placement, most));
       return made;
     }
-    case VSPLAT_REFINE_RANDOM:
+    case VSPLAT_FIT_RANDOM:
       out.placement = place(photographs, input, nullptr, used);
       always(random_scene(out.placement, most > 0 ? most : kRandomStart, o.seed));
       out.independent = true;
       return made;
   }
-  fail(Status::usage, "options.start is {}, not a value of vsplat_refine_start", value_of(o.start));
+  fail(Status::usage, "options.start is {}, not a value of vsplat_fit_start", value_of(o.start));
 }
 
 }  // namespace
 
-RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
-                         const std::vector<int>& used) {
-  RefineStart out = start_of(device, views, o, used);
+FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+                     const std::vector<int>& used) {
+  FitSource out = start_of(device, views, o, used);
   // A scene without an up direction gets the cameras' one; a distant scene gets an offset, since floats would not hold
   // its positions.
   const Eigen::Vector3f up = listed_up(views->photographs).cast<float>();

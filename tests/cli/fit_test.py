@@ -1,4 +1,4 @@
-"""vsplat refine: scenes fitted to pictures; its reports, what it refuses, and equal bytes in two runs."""
+"""vsplat fit: scenes fitted to pictures; its reports, what it refuses, and equal bytes in two runs."""
 import csv
 import json
 import math
@@ -27,7 +27,7 @@ def quaternion(r):
     return w, x, y, z
 
 
-class Refine(support.Case):
+class Fit(support.Case):
     """Pictures of a random solid, and a grey ball in its place."""
     SIDE = 24
 
@@ -39,24 +39,24 @@ class Refine(support.Case):
         spots = [(0.25 * math.sin(i), 0.25 * math.cos(2.3 * i), 0.25 * math.sin(5.1 * i)) for i in range(60)]
         support.write_scene(self.ball, [(at, (0.5, 0.5, 0.5), 0.06, 0.7) for at in spots])
 
-    def refine(self, *more, start=None, output="out.ply"):
-        return ("refine", self.photos, "--start", start or self.ball, "--output", self.path(output), "--quiet", *more)
+    def fit(self, *more, start=None, output="out.ply"):
+        return ("fit", self.photos, "--start", start or self.ball, "--output", self.path(output), "--quiet", *more)
 
     def told(self, *arguments):
         return json.loads(self.succeeds(*arguments, "--json")[0])
 
     def test_pictures_held_out_get_better_and_the_json_says_how_much(self):
-        told = self.told(*self.refine("--holdout", 1, "--steps", 60, "--log", self.path("log.csv"), "--sheet", self.path("sheet.png")))
+        told = self.told(*self.fit("--holdout", 1, "--steps", 60, "--log", self.path("log.csv"), "--sheet", self.path("sheet.png")))
         self.assertEqual(list(told), RESULT[:-1] + ["log", "sheet"] + NUMERICS + RESULT[-1:])
         self.assertEqual(len(told["judged_on"]), 1)
-        self.assertEqual(told["returned"], "refined")
+        self.assertEqual(told["returned"], "fitted")
         self.assertEqual(told["claimed"], False)  # a scene from a file may have seen every picture
         self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 1)
         self.assertEqual(told["suspects"], [])
         self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
         rows = list(csv.DictReader(open(self.path("log.csv"))))
         self.assertEqual([int(row["step"]) for row in rows], list(range(1, 61)))
-        self.assertEqual({row["phase"] for row in rows}, {"refining"})
+        self.assertEqual({row["phase"] for row in rows}, {"fitting"})
         self.assertLess(float(rows[-1]["loss"]), float(rows[0]["loss"]))
         self.assertAlmostEqual(max(float(row["psnr"]) for row in rows if row["psnr"]), told["result"]["psnr"], 2)
         width, height, _ = support.read_png(self.path("sheet.png"))
@@ -64,22 +64,22 @@ class Refine(support.Case):
         self.assertLess(height, 2 * self.SIDE + 20)
 
     def test_the_picture_that_was_held_out_is_what_the_scene_is_measured_by(self):
-        told = self.told(*self.refine("--holdout", "@2", "--steps", 40))
+        told = self.told(*self.fit("--holdout", "@2", "--steps", 40))
         self.assertEqual([os.path.basename(name) for name in told["judged_on"]], ["0002.png"])
         compared = self.told("render", self.path("out.ply"), "--cameras", os.path.join(self.photos, "transforms.json"), "--compare",
                              os.path.join(self.photos, "images"), "--quiet")
         self.assertAlmostEqual(compared["comparison"]["pictures"][2]["psnr"], told["result"]["psnr"], 1)
 
     def test_few_views_are_each_left_out_in_turn(self):
-        told = self.told(*self.refine("--steps", 25, "--log", self.path("log.csv")))
+        told = self.told(*self.fit("--steps", 25, "--log", self.path("log.csv")))
         self.assertEqual(len(told["judged_on"]), 5)
         phases = [row["phase"] for row in csv.DictReader(open(self.path("log.csv")))]
-        self.assertEqual(sorted(set(phases)), [f"leaving out {i} of 5" for i in range(1, 6)] + ["refining"])
+        self.assertEqual(sorted(set(phases)), ["fitting"] + [f"leaving out {i} of 5" for i in range(1, 6)])
         self.assertIn(told["steps"], (0, 25))
-        self.assertEqual(told["returned"], "refined" if told["steps"] else "start")
+        self.assertEqual(told["returned"], "fitted" if told["steps"] else "start")
 
     def test_the_start_is_returned_where_nothing_makes_it_better(self):
-        self.succeeds(*self.refine("--holdout", "@0", "--steps", 150, output="good.ply"))
+        self.succeeds(*self.fit("--holdout", "@0", "--steps", 150, output="good.ply"))
         # Fits to pictures with permuted colours, measured on an unchanged one.
         for name in sorted(os.listdir(os.path.join(self.photos, "images")))[1:]:
             path = os.path.join(self.photos, "images", name)
@@ -87,7 +87,7 @@ class Refine(support.Case):
             step = len(data) // (width * height)
             rows = [[tuple(255 - v for v in data[step * (y * width + x):][:3]) for x in range(width)] for y in range(height)]
             support.write_png(path, width, height, rows)
-        told = self.told(*self.refine("--holdout", "@0", "--steps", 30, start=self.path("good.ply")))
+        told = self.told(*self.fit("--holdout", "@0", "--steps", 30, start=self.path("good.ply")))
         self.assertEqual((told["returned"], told["steps"]), ("start", 0))
         self.assertLess(told["result"]["psnr"], told["start"]["psnr"])
         camera = ("--cameras", os.path.join(self.photos, "transforms.json"), "--quiet", "--images")
@@ -101,37 +101,37 @@ class Refine(support.Case):
             with self.subTest(start=start):
                 scenes = []
                 for name in ("a.ply", "b.ply"):
-                    self.succeeds(*self.refine(*more, start=start, output=name), "--overwrite")
+                    self.succeeds(*self.fit(*more, start=start, output=name), "--overwrite")
                     scenes.append(pathlib.Path(self.path(name)).read_bytes())
                 self.assertEqual(scenes[0], scenes[1])
-                self.succeeds(*self.refine(*more[:-1], 8, start=start, output="c.ply"), "--overwrite")
+                self.succeeds(*self.fit(*more[:-1], 8, start=start, output="c.ply"), "--overwrite")
                 self.assertNotEqual(scenes[0], pathlib.Path(self.path("c.ply")).read_bytes())
 
     def test_the_network_predicts_again_without_what_is_left_out(self):
-        told = self.told(*self.refine("--steps", 25, "--model", self.model, start="network"))
+        told = self.told(*self.fit("--steps", 25, "--model", self.model, start="network"))
         self.assertEqual(told["claimed"], True)
         self.assertEqual(len(told["judged_on"]), 5)
-        _, err = self.succeeds("refine", self.photos, "--start", "network", "--model", self.model, "--output", self.path("b.ply"), "--steps", 25,
+        _, err = self.succeeds("fit", self.photos, "--start", "network", "--model", self.model, "--output", self.path("b.ply"), "--steps", 25,
                                "--holdout", "@1", "--verbose")
         names = next(line for line in err.splitlines() if line.startswith("the network gets"))
         self.assertNotIn("001", names)
-        _, err = self.succeeds("refine", self.photos, "--start", "network", "--model", self.model, "--output", self.path("c.ply"), "--steps", 25,
+        _, err = self.succeeds("fit", self.photos, "--start", "network", "--model", self.model, "--output", self.path("c.ply"), "--steps", 25,
                                "--holdout", "@1", "--view-count", 3, "--verbose")
         names = next(line for line in err.splitlines() if line.startswith("the network gets"))
         self.assertEqual(names.count(","), 2, names)
-        self.refuses(2, ["--view-count", "network"], *self.refine("--view-count", 3, "--overwrite"))
+        self.refuses(2, ["--view-count", "network"], *self.fit("--view-count", 3, "--overwrite"))
 
     def test_what_is_frozen_stays(self):
-        self.succeeds(*self.refine("--holdout", "none", "--steps", 10, "--freeze", "means,scales,rotations,opacities"))
+        self.succeeds(*self.fit("--holdout", "none", "--steps", 10, "--freeze", "means,scales,rotations,opacities"))
         def body(path):
             return pathlib.Path(path).read_bytes().partition(b"end_header\n")[2]
         count = len(body(self.ball)) // 56
         told = self.told("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
         self.assertEqual(told["gaussians"], count)
-        self.refuses(2, ["--freeze", "nothing is left"], *self.refine("--freeze", "means,scales,rotations,opacities,sh", "--overwrite"))
+        self.refuses(2, ["--freeze", "nothing is left"], *self.fit("--freeze", "means,scales,rotations,opacities,sh", "--overwrite"))
 
     def test_an_interrupt_ends_it_with_the_best_so_far(self):
-        process = subprocess.Popen([support.VSPLAT, *map(str, self.refine("--holdout", 1, "--steps", 1000000))], stdout=subprocess.DEVNULL,
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.fit("--holdout", 1, "--steps", 1000000))], stdout=subprocess.DEVNULL,
                                    stderr=subprocess.PIPE, text=True)
         try:
             process.wait(6)
@@ -142,7 +142,7 @@ class Refine(support.Case):
         self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
 
     def test_poses_are_written_and_read_again(self):
-        told = self.told(*self.refine("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
+        told = self.told(*self.fit("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
         self.assertEqual(told["poses"], self.path("out.poses.json"))
         cameras, listed = json.load(open(told["poses"])), json.load(open(os.path.join(self.photos, "transforms.json")))["frames"]
         self.assertEqual([c["file"] for c in cameras], [frame["file_path"] for frame in listed])
@@ -156,26 +156,26 @@ class Refine(support.Case):
 
     def test_resumed_it_ends_with_the_same_bytes(self):
         more = ("--holdout", 1, "--steps", 250, "--seed", 3)
-        self.succeeds(*self.refine(*more))
+        self.succeeds(*self.fit(*more))
         kept = ("--checkpoint", self.path("state"))
-        process = subprocess.Popen([support.VSPLAT, *map(str, self.refine(*more, *kept, output="again.ply"))])
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.fit(*more, *kept, output="again.ply"))])
         while process.poll() is None and not os.path.exists(self.path("state", "refinement.safetensors")):
             pass
         process.kill()
         process.wait()
-        self.refuses(2, ["--resume", "state"], *self.refine(*more, *kept, output="again.ply"))
-        self.succeeds(*self.refine(*more, *kept, "--resume", output="again.ply"), "--overwrite")
+        self.refuses(2, ["--resume", "state"], *self.fit(*more, *kept, output="again.ply"))
+        self.succeeds(*self.fit(*more, *kept, "--resume", output="again.ply"), "--overwrite")
         self.assertEqual(pathlib.Path(self.path("out.ply")).read_bytes(), pathlib.Path(self.path("again.ply")).read_bytes())
-        self.refuses(2, "--resume needs --checkpoint", *self.refine("--resume", output="x.ply"))
+        self.refuses(2, "--resume needs --checkpoint", *self.fit("--resume", output="x.ply"))
 
     def test_killed_at_any_moment(self):
         """With each view left out in turn, poses and exposure: results that are lost are computed again, with the same bytes."""
         more = ("--steps", 50, "--seed", 3, "--poses", "--exposure")
         begun = time.monotonic()
-        self.succeeds(*self.refine(*more))
+        self.succeeds(*self.fit(*more))
         seconds = time.monotonic() - begun
         moments = random.Random(7)
-        again = self.refine(*more, "--checkpoint", self.path("state"), "--resume", output="again.ply")
+        again = self.fit(*more, "--checkpoint", self.path("state"), "--resume", output="again.ply")
         kills = 0
         while kills < KILLS:
             process = subprocess.Popen([support.VSPLAT, *map(str, again)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -248,48 +248,48 @@ class Refine(support.Case):
         spots = [(0.3 * math.sin(i), 0.3 * math.cos(2.3 * i), 0.3 * math.sin(5.1 * i)) for i in range(200)]
         write("points3D.txt", [f"{i + 1} {3 * x + 5} {3 * y} {3 * z - 2} 100 120 140 0.5 1 0 2 0 3 0" for i, (x, y, z) in enumerate(spots)])
         json.dump(views, open(path, "w"))
-        _, err = self.succeeds("refine", self.photos, "--start", "points", "--output", self.path("points.ply"), "--holdout", 1, "--steps", 10)
+        _, err = self.succeeds("fit", self.photos, "--start", "points", "--output", self.path("points.ply"), "--holdout", 1, "--steps", 10)
         self.assertRegex(err, r"(19[5-9]|200) of the 200 points lie in the object's cube")
         centre = [float(v) for v in err.split("the object's cube: centre (")[1].split(")")[0].split(",")]
         self.assertLess(max(map(abs, centre)), 0.1, err)
         self.assertIn("of the 200 points, the dense ones", err)
 
     def test_time_is_kept(self):
-        told = self.told(*self.refine("--holdout", 1, "--steps", 1000000, "--time", 1))
+        told = self.told(*self.fit("--holdout", 1, "--steps", 1000000, "--time", 1))
         self.assertLess(told["seconds"], 30)
 
     def test_what_is_refused(self):
-        self.refuses(2, "--start", "refine", self.photos, "--output", self.path("x.ply"))
-        self.refuses(2, "--output", "refine", self.photos, "--start", self.ball)
-        self.refuses(1, "nowhere.ply", *self.refine(start=self.path("nowhere.ply")))
-        self.refuses(2, ["--output", ".ply"], *self.refine(output="out.splat"))
-        self.refuses(2, ["--holdout nobody", "no such view"], *self.refine("--holdout", "nobody"))
-        self.refuses(2, ["--views nobody", "no such view"], *self.refine("--views", "@0,nobody"))
-        self.refuses(2, "every view is held out", *self.refine("--holdout", "@0,@1,@2,@3,@4"))
-        self.refuses(2, ["--holdout", "1 to 4"], *self.refine("--holdout", 5))
-        self.refuses(2, ["--holdout", "not among"], *self.refine("--views", "@0,@1", "--holdout", "@3"))
-        self.refuses(2, ["--steps", "soon"], *self.refine("--steps", "soon"))
-        self.refuses(2, ["--size", "big"], *self.refine("--size", "big"))
-        self.refuses(2, ["--freeze", "feet"], *self.refine("--freeze", "feet"))
-        self.refuses(2, "--sh", *self.refine("--sh", 4))
-        self.refuses(2, "--model is for --start network", *self.refine("--model", self.model))
-        self.refuses(2, ["--sheet", ".png"], *self.refine("--sheet", self.path("s.jpg")))
-        self.refuses(1, "no COLMAP model", *self.refine(start="points"))
+        self.refuses(2, "--start", "fit", self.photos, "--output", self.path("x.ply"))
+        self.refuses(2, "--output", "fit", self.photos, "--start", self.ball)
+        self.refuses(1, "nowhere.ply", *self.fit(start=self.path("nowhere.ply")))
+        self.refuses(2, ["--output", ".ply"], *self.fit(output="out.splat"))
+        self.refuses(2, ["--holdout nobody", "no such view"], *self.fit("--holdout", "nobody"))
+        self.refuses(2, ["--views nobody", "no such view"], *self.fit("--views", "@0,nobody"))
+        self.refuses(2, "every view is held out", *self.fit("--holdout", "@0,@1,@2,@3,@4"))
+        self.refuses(2, ["--holdout", "1 to 4"], *self.fit("--holdout", 5))
+        self.refuses(2, ["--holdout", "not among"], *self.fit("--views", "@0,@1", "--holdout", "@3"))
+        self.refuses(2, ["--steps", "soon"], *self.fit("--steps", "soon"))
+        self.refuses(2, ["--size", "big"], *self.fit("--size", "big"))
+        self.refuses(2, ["--freeze", "feet"], *self.fit("--freeze", "feet"))
+        self.refuses(2, "--sh", *self.fit("--sh", 4))
+        self.refuses(2, "--model is for --start network", *self.fit("--model", self.model))
+        self.refuses(2, ["--sheet", ".png"], *self.fit("--sheet", self.path("s.jpg")))
+        self.refuses(1, "no COLMAP model", *self.fit(start="points"))
         open(self.path("out.ply"), "w").write("mine")
-        self.refuses(1, ["out.ply", "--overwrite"], *self.refine())
-        self.refuses(2, "is read", *self.refine("--overwrite", output="ball.ply"))
-        err = self.refuses(1, ["memory", "--max-memory"], *self.refine("--max-memory", "0.00005", "--overwrite"))
+        self.refuses(1, ["out.ply", "--overwrite"], *self.fit())
+        self.refuses(2, "is read", *self.fit("--overwrite", output="ball.ply"))
+        err = self.refuses(1, ["memory", "--max-memory"], *self.fit("--max-memory", "0.00005", "--overwrite"))
         self.assertNotIn("vsplat_", err)
         support.write_scene(self.path("empty.ply"), [])
-        self.refuses(1, "no Gaussian", *self.refine("--overwrite", start=self.path("empty.ply")))
+        self.refuses(1, "no Gaussian", *self.fit("--overwrite", start=self.path("empty.ply")))
 
     def test_dry_run(self):
-        told = self.told("refine", self.photos, "--start", self.ball, "--dry-run")
+        told = self.told("fit", self.photos, "--start", self.ball, "--dry-run")
         self.assertEqual([plan["fits"] for plan in told], [True])
         self.assertIn("24 x 24", told[0]["what"])
-        more = self.told("refine", self.photos, "--start", self.ball, "--dry-run", "--max-gaussians", 100000)
+        more = self.told("fit", self.photos, "--start", self.ball, "--dry-run", "--max-gaussians", 100000)
         self.assertGreater(more[0]["peak_bytes"], told[0]["peak_bytes"])
-        self.assertEqual(len(self.told("refine", self.photos, "--start", "network", "--model", self.model, "--dry-run")), 2)
+        self.assertEqual(len(self.told("fit", self.photos, "--start", "network", "--model", self.model, "--dry-run")), 2)
         self.assertEqual(os.path.exists(self.path("out.ply")), False)
 
 

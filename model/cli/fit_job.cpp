@@ -1,4 +1,4 @@
-#include "refinement.h"
+#include "fit_job.h"
 
 #include <algorithm>
 #include <cmath>
@@ -51,7 +51,7 @@ std::string decibels(double psnr) {
   return text;
 }
 
-std::string progress_text(const vsplat_refine_progress& p) {
+std::string progress_text(const vsplat_fit_progress& p) {
   char text[160];
   char loss[32] = "";  // empty before the first step
   if (!std::isnan(p.loss)) std::snprintf(loss, sizeof loss, ", loss %.4f", p.loss);
@@ -67,7 +67,7 @@ std::string progress_text(const vsplat_refine_progress& p) {
 class Teller {
  public:
   explicit Teller(const Common& common) : common_(common) {}
-  void tell(const vsplat_refine_progress& p) {
+  void tell(const vsplat_fit_progress& p) {
     const double now = elapsed_seconds();
     const bool terminal = vsplat::sys::error_output_is_terminal();
     if (now - last_ < (terminal ? 0.1 : 5) && !(common_.verbose && phase_ != p.phase)) return;
@@ -82,7 +82,7 @@ class Teller {
   double last_ = elapsed_seconds();
 };
 
-void add_log_line(std::string& log, const vsplat_refine_progress& p, double seconds) {
+void add_log_line(std::string& log, const vsplat_fit_progress& p, double seconds) {
   char line[192];
   std::snprintf(line, sizeof line, "%lld,%s,%.6g,%llu,", static_cast<long long>(p.step), p.phase, p.loss,
                 static_cast<unsigned long long>(p.gaussians));
@@ -111,8 +111,7 @@ ordered_json number_json(double value) { return std::isfinite(value) ? ordered_j
 
 }  // namespace
 
-RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names)
-    : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint) {
+FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint) {
   options.poses = o.poses;
   options.exposure = o.exposure;
   options.checkpoint = checkpoint_.empty() ? nullptr : checkpoint_.c_str();
@@ -145,60 +144,59 @@ RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names)
   need_ending("--log", log_, ".csv");
 }
 
-void RefineJob::expect(Outputs& outputs, const std::string& output) {
+void FitJob::expect(Outputs& outputs, const std::string& output) {
   if (options.poses) poses_ = std::filesystem::path(output).replace_extension(".poses.json").string();
   outputs.expect(poses_);
   outputs.expect(log_);
   outputs.expect(sheet_);
 }
 
-std::vector<std::string> RefineJob::names_of(const vsplat::Refinement& refinement, vsplat_refine_views which,
-                                             const vsplat::Views& views) const {
+std::vector<std::string> FitJob::names_of(const vsplat::Fit& fit, vsplat_fit_views which,
+                                          const vsplat::Views& views) const {
   std::vector<std::string> out;
-  for (const std::int32_t view : refinement.views(which)) out.push_back(views.name(static_cast<std::size_t>(view)));
+  for (const std::int32_t view : fit.views(which)) out.push_back(views.name(static_cast<std::size_t>(view)));
   return out;
 }
 
-vsplat::Scene RefineJob::run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
-                             const std::function<void(const vsplat::Scene&)>& on_start) {
-  session.start("refining");
-  show_progress(common, "refining: reading pictures");
-  const vsplat::Refinement refinement(session.device(), views, options);
-  if (on_start) on_start(refinement.start());
+vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
+                          const std::function<void(const vsplat::Scene&)>& on_start) {
+  session.start("fitting");
+  show_progress(common, "fitting: reading pictures");
+  const vsplat::Fit fit(session.device(), views, options);
+  if (on_start) on_start(fit.start());
   Teller teller(common);
   std::string log = "step,phase,loss,gaussians,psnr,seconds\n";
   const double begun = elapsed_seconds();
-  vsplat_refine_progress progress = VSPLAT_REFINE_PROGRESS_INIT;
+  vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
   for (bool more = true; more;) {
     if (interrupted()) {
-      refinement.stop();
+      fit.stop();
       stopped_ = true;
       break;
     }
-    more = refinement.step(progress);
+    more = fit.step(progress);
     teller.tell(progress);
     if (!log_.empty()) add_log_line(log, progress, elapsed_seconds() - begun);
   }
   clear_progress();
-  result_ = refinement.result();
-  used_ = refinement.views(VSPLAT_REFINE_USED).size();
-  judged_ = names_of(refinement, VSPLAT_REFINE_JUDGED, views);
-  suspects_ = names_of(refinement, VSPLAT_REFINE_SUSPECTS, views);
-  start_ = refinement.start();
-  vsplat::Scene scene = refinement.scene();
+  result_ = fit.result();
+  used_ = fit.views(VSPLAT_FIT_USED).size();
+  judged_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
+  suspects_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
+  start_ = fit.start();
+  vsplat::Scene scene = fit.scene();
   // They are corrected for the fitted scene, and do not apply to the start.
   if (result_.returned) poses_.clear();
-  if (!poses_.empty()) refinement.save_cameras(outputs.begin(poses_));
+  if (!poses_.empty()) fit.save_cameras(outputs.begin(poses_));
   if (!log_.empty()) write_text(outputs.begin(log_), log);
-  if (!sheet_.empty()) draw_sheet(session, refinement, scene, outputs);
+  if (!sheet_.empty()) draw_sheet(session, fit, scene, outputs);
   return scene;
 }
 
 // A row for each picture: given, start, result, difference.
-void RefineJob::draw_sheet(Session& session, const vsplat::Refinement& refinement, const vsplat::Scene& scene,
-                           Outputs& outputs) const {
-  std::vector<std::int32_t> shown = refinement.views(VSPLAT_REFINE_JUDGED);
-  if (shown.empty()) shown = refinement.views(VSPLAT_REFINE_USED);
+void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, Outputs& outputs) const {
+  std::vector<std::int32_t> shown = fit.views(VSPLAT_FIT_HELD_OUT);
+  if (shown.empty()) shown = fit.views(VSPLAT_FIT_USED);
   const std::size_t rows = std::min(shown.size(), most_rows);
   vsplat_sheet_options how = VSPLAT_SHEET_OPTIONS_INIT;
   how.columns = 4;
@@ -206,8 +204,8 @@ void RefineJob::draw_sheet(Session& session, const vsplat::Refinement& refinemen
   const vsplat::Sheet sheet(how);
   for (std::size_t row = 0; row < rows; ++row) {
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
-    const vsplat_camera camera = refinement.camera(view);
-    vsplat::Picture given = refinement.picture(view);
+    const vsplat_camera camera = fit.camera(view);
+    vsplat::Picture given = fit.picture(view);
     vsplat::Picture before = vsplat::render(session.device(), start_, camera);
     vsplat::Picture after = vsplat::render(session.device(), scene, camera);
     vsplat::Picture off = difference_of(after, given);
@@ -217,19 +215,19 @@ void RefineJob::draw_sheet(Session& session, const vsplat::Refinement& refinemen
   sheet.save(outputs.begin(sheet_));
 }
 
-void RefineJob::summarise(const Common& common) const {
+void FitJob::summarise(const Common& common) const {
   for (const std::string& name : suspects_)
     warn(name +
          " agrees with the result far less than the other pictures do: a wrong pose, another lighting, a moved "
          "object?");
-  const vsplat_refine_result& r = result_;
-  const bool folds = r.num_judged > 0 && judged_.size() == used_;
+  const vsplat_fit_result& r = result_;
+  const bool folds = r.num_held_out > 0 && judged_.size() == used_;
   const std::string on =
       pictures_text(judged_.size()) + (folds ? ", each left out in turn: " : " that it was not fitted to: ");
   if (stopped_)
     tell_stop(common, "stopped; the best so far is written: " +
                           (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));
-  if (r.num_judged > 0 && std::isfinite(r.start_psnr) && std::isfinite(r.result_psnr)) {
+  if (r.num_held_out > 0 && std::isfinite(r.start_psnr) && std::isfinite(r.result_psnr)) {
     char text[128];
     std::snprintf(text, sizeof text, "PSNR %.2f to %.2f dB, SSIM %.4f to %.4f", r.start_psnr, r.result_psnr,
                   r.start_ssim, r.result_ssim);
@@ -242,8 +240,8 @@ void RefineJob::summarise(const Common& common) const {
   }
 }
 
-void RefineJob::add_results(ordered_json& out) const {
-  const vsplat_refine_result& r = result_;
+void FitJob::add_results(ordered_json& out) const {
+  const vsplat_fit_result& r = result_;
   const auto scores = [](double psnr, double ssim) {
     return ordered_json{{"psnr", number_json(psnr)}, {"ssim", number_json(ssim)}};
   };
@@ -251,7 +249,7 @@ void RefineJob::add_results(ordered_json& out) const {
   out["judged_on"] = judged_;
   out["start"] = scores(r.start_psnr, r.start_ssim);
   out["result"] = scores(r.result_psnr, r.result_ssim);
-  out["returned"] = r.returned ? "start" : "refined";
+  out["returned"] = r.returned ? "start" : "fitted";
   out["claimed"] = r.claimed != 0;
   out["suspects"] = suspects_;
   if (!log_.empty()) out["log"] = log_;
@@ -259,8 +257,8 @@ void RefineJob::add_results(ordered_json& out) const {
   if (!poses_.empty()) out["poses"] = poses_;
 }
 
-Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_degree,
-                     const std::vector<vsplat_camera>& cameras, int longest) {
+Plan plan_fit(const Session& session, std::uint64_t gaussians, int sh_degree, const std::vector<vsplat_camera>& cameras,
+              int longest) {
   int width = 1, height = 1;
   for (const vsplat_camera& c : cameras) {
     const int longer = std::max(c.width, c.height);
@@ -269,9 +267,9 @@ Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_deg
     if (static_cast<double>(w) * h > static_cast<double>(width) * height) width = w, height = h;
   }
   char title[160];
-  std::snprintf(title, sizeof title, "a step of refinement: %llu Gaussians of degree %d, pictures of %d x %d",
+  std::snprintf(title, sizeof title, "a step of the fit: %llu Gaussians of degree %d, pictures of %d x %d",
                 static_cast<unsigned long long>(gaussians), sh_degree, width, height);
-  return {title, vsplat::refinement_plan(session.device(), gaussians, sh_degree, width, height)};
+  return {title, vsplat::fit_plan(session.device(), gaussians, sh_degree, width, height)};
 }
 
 }  // namespace command

@@ -1,4 +1,4 @@
-/* A caller's own refinement loop with pictures in memory, in plain C: step, stop, take the scene. Prints every
+/* A caller's own fit loop with pictures in memory, in plain C: step, stop, take the scene. Prints every
    check that fails; exits 1 if any did. */
 #include <math.h>
 #include <pthread.h>
@@ -81,8 +81,8 @@ static vsplat_views make_views(vsplat_device device) {
   return out;
 }
 
-static vsplat_refine_options make_options(vsplat_scene start) {
-  vsplat_refine_options out = VSPLAT_REFINE_OPTIONS_INIT;
+static vsplat_fit_options make_options(vsplat_scene start) {
+  vsplat_fit_options out = VSPLAT_FIT_OPTIONS_INIT;
   out.scene = start;
   out.holdout = VSPLAT_HOLDOUT_COUNT;
   out.holdout_count = 1;
@@ -93,51 +93,51 @@ static vsplat_refine_options make_options(vsplat_scene start) {
 static void refuses(vsplat_device device, vsplat_views from, vsplat_scene start) {
   const char* nobody = "nobody";
   vsplat_scene discs = make_shapes(1, 1);
-  vsplat_refinement none = NULL;
-  vsplat_refine_options o = make_options(start);
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(NULL, from, &o, &none));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, NULL, &o, &none));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, NULL, &none));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, NULL));
+  vsplat_fit none = NULL;
+  vsplat_fit_options o = make_options(start);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(NULL, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, NULL, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, NULL, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, NULL));
   o.scene = NULL;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
-  o.start = VSPLAT_REFINE_NETWORK; /* without a model */
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o.start = VSPLAT_FIT_NETWORK; /* without a model */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
-  o.start = VSPLAT_REFINE_POINTS; /* not available for pictures in memory */
-  EXPECT(VSPLAT_ERROR_FILE, vsplat_refinement_create(device, from, &o, &none));
+  o.start = VSPLAT_FIT_POINTS; /* not available for pictures in memory */
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
   o.names = &nobody, o.num_names = 1;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
-  HOLD(strstr(vsplat_last_error(), "vsplat_refine_options.names nobody"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
+  HOLD(strstr(vsplat_last_error(), "vsplat_fit_options.names nobody"));
   o = make_options(start);
   o.holdout_count = views;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
   o.steps = -1;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
   o.seconds = NAN;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
   o.freeze = 64;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(start);
   o.sh_degree = 4;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   o = make_options(discs);
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_create(device, from, &o, &none));
   HOLD(strstr(vsplat_last_error(), "surfels") != NULL);
   vsplat_scene_release(discs);
   HOLD(!none);
 }
 
 static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_scene start) {
-  const vsplat_refine_options o = make_options(start);
-  vsplat_refine_progress progress = VSPLAT_REFINE_PROGRESS_INIT;
-  vsplat_refine_result result = VSPLAT_REFINE_RESULT_INIT;
-  vsplat_refinement refinement = NULL;
+  const vsplat_fit_options o = make_options(start);
+  vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
+  vsplat_fit_result result = VSPLAT_FIT_RESULT_INIT;
+  vsplat_fit fit = NULL;
   vsplat_scene scene = NULL, kept = NULL;
   vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
   float got[3 * pixels], means[3 * count];
@@ -146,31 +146,31 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   double first = 0;
   int32_t more = 1, judged = -1, steps = 0;
   size_t n = 0;
-  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
+  EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
   while (more) {
-    EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, &progress, &more));
+    EXPECT(VSPLAT_OK, vsplat_fit_step(fit, &progress, &more));
     if (++steps == 1) first = progress.loss;
-    HOLD(strcmp(progress.phase, "refining") == 0 && progress.step == steps && progress.steps == 200);
+    HOLD(strcmp(progress.phase, "fitting") == 0 && progress.step == steps && progress.steps == 200);
   }
   HOLD(steps == 200);
   HOLD(progress.loss < first);
-  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more)); /* no step is left */
+  EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more)); /* no step is left */
   HOLD(more == 0);
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_result(refinement, &result));
-  HOLD(result.returned == 0 && result.num_judged == 1 && result.claimed == 0);
+  EXPECT(VSPLAT_OK, vsplat_fit_get_result(fit, &result));
+  HOLD(result.returned == 0 && result.num_held_out == 1 && result.claimed == 0);
   HOLD(result.result_psnr > result.start_psnr + 3);
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_views(refinement, VSPLAT_REFINE_USED, NULL, 0, &n));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_views(fit, VSPLAT_FIT_USED, NULL, 0, &n));
   HOLD(n == views);
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_views(refinement, VSPLAT_REFINE_JUDGED, &judged, 1, &n));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_views(fit, VSPLAT_FIT_HELD_OUT, &judged, 1, &n));
   HOLD(n == 1 && judged >= 0 && judged < views);
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_view(refinement, (size_t)judged, &camera, got, 3 * pixels));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_view(fit, (size_t)judged, &camera, got, 3 * pixels));
   HOLD(camera.width == side && fabs(camera.fx - 30) < 1e-9);
   HOLD(fabs(camera.w2c[11] - 2) < 1e-9);
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_get_view(refinement, views, &camera, NULL, 0));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_get_view(refinement, 0, NULL, got, 3 * pixels - 1));
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_start(refinement, &kept));
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_scene(refinement, &scene));
-  vsplat_refinement_release(refinement);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_get_view(fit, views, &camera, NULL, 0));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_get_view(fit, 0, NULL, got, 3 * pixels - 1));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_start(fit, &kept));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_scene(fit, &scene));
+  vsplat_fit_release(fit);
   EXPECT(VSPLAT_OK, vsplat_scene_get_info(kept, &info)); /* both outlive it */
   HOLD(info.count == count);
   EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
@@ -197,10 +197,10 @@ static void* stops_again_and_again(void* user) {
   return NULL;
 }
 
-/* The means after a refinement that rotates its held-out views, and how many of its steps were stopped. */
-static int refined(vsplat_device device, vsplat_views from, vsplat_scene start, int impatient, float* means) {
-  vsplat_refine_options o = make_options(start);
-  vsplat_refinement refinement = NULL;
+/* The means after a fit that rotates its held-out views, and how many of its steps were stopped. */
+static int fitted(vsplat_device device, vsplat_views from, vsplat_scene start, int impatient, float* means) {
+  vsplat_fit_options o = make_options(start);
+  vsplat_fit fit = NULL;
   vsplat_scene scene = NULL;
   vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
   impatience other = {NULL, 0};
@@ -209,11 +209,11 @@ static int refined(vsplat_device device, vsplat_views from, vsplat_scene start, 
   int stopped = 0;
   o.holdout = VSPLAT_HOLDOUT_AUTO;
   o.steps = 30;
-  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
+  EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
   other.device = device;
   if (impatient) HOLD(pthread_create(&id, NULL, stops_again_and_again, &other) == 0);
   while (more) {
-    const vsplat_status status = vsplat_refinement_step(refinement, NULL, &more);
+    const vsplat_status status = vsplat_fit_step(fit, NULL, &more);
     if (status == VSPLAT_ERROR_CANCELLED)
       ++stopped;
     else
@@ -221,8 +221,8 @@ static int refined(vsplat_device device, vsplat_views from, vsplat_scene start, 
   }
   other.done = 1;
   if (impatient) HOLD(pthread_join(id, NULL) == 0);
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_scene(refinement, &scene));
-  vsplat_refinement_release(refinement);
+  EXPECT(VSPLAT_OK, vsplat_fit_get_scene(fit, &scene));
+  vsplat_fit_release(fit);
   arrays.capacity = count;
   arrays.means = means;
   EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
@@ -235,43 +235,43 @@ static void stopped_by_another_thread_it_goes_on(vsplat_device device, vsplat_vi
   float want[3 * count], got[3 * count];
   memset(want, 0, sizeof want);
   memset(got, 0, sizeof got);
-  HOLD(refined(device, from, start, 0, want) == 0 && want[0] != 0);
-  HOLD(refined(device, from, start, 1, got) > 2); /* as often as the other thread is scheduled */
+  HOLD(fitted(device, from, start, 0, want) == 0 && want[0] != 0);
+  HOLD(fitted(device, from, start, 1, got) > 2); /* as often as the other thread is scheduled */
   HOLD(memcmp(want, got, sizeof want) == 0);
 }
 
 static void stopped_it_gives_the_best_so_far(vsplat_device device, vsplat_views from, vsplat_scene start) {
-  vsplat_refine_options o = make_options(start);
-  vsplat_refinement refinement = NULL;
-  vsplat_refine_result result = VSPLAT_REFINE_RESULT_INIT;
+  vsplat_fit_options o = make_options(start);
+  vsplat_fit fit = NULL;
+  vsplat_fit_result result = VSPLAT_FIT_RESULT_INIT;
   vsplat_scene scene = NULL;
   int32_t more = 1;
   o.steps = 1000;
   o.holdout = VSPLAT_HOLDOUT_NONE;
-  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
-  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
-  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+  EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
+  EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more));
+  EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more));
   HOLD(more == 1);
-  EXPECT(VSPLAT_OK, vsplat_refinement_stop(refinement));
-  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+  EXPECT(VSPLAT_OK, vsplat_fit_stop(fit));
+  EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more));
   HOLD(more == 0);
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_result(refinement, &result));
-  HOLD(result.steps == 2 && result.returned == 0 && result.num_judged == 0 && isnan(result.result_psnr));
-  EXPECT(VSPLAT_OK, vsplat_refinement_get_scene(refinement, &scene));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_result(fit, &result));
+  HOLD(result.steps == 2 && result.returned == 0 && result.num_held_out == 0 && isnan(result.result_psnr));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_scene(fit, &scene));
   vsplat_scene_release(scene);
-  vsplat_refinement_retain(refinement);
-  vsplat_refinement_release(refinement);
-  vsplat_refinement_release(refinement);
+  vsplat_fit_retain(fit);
+  vsplat_fit_release(fit);
+  vsplat_fit_release(fit);
 }
 
 static void a_plan_grows_with_the_scene(vsplat_device device) {
   vsplat_plan small = VSPLAT_PLAN_INIT, large = VSPLAT_PLAN_INIT;
-  EXPECT(VSPLAT_OK, vsplat_plan_refinement(device, 1000, 1, side, side, &small));
-  EXPECT(VSPLAT_OK, vsplat_plan_refinement(device, 100000, 1, side, side, &large));
+  EXPECT(VSPLAT_OK, vsplat_plan_fit(device, 1000, 1, side, side, &small));
+  EXPECT(VSPLAT_OK, vsplat_plan_fit(device, 100000, 1, side, side, &large));
   HOLD(small.fits == 1 && large.peak > 10 * small.peak);
   HOLD(small.host_peak > 0 && large.host_peak > 50 * small.host_peak);
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_refinement(device, 0, 1, side, side, &small));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_refinement(device, 1, 4, side, side, &small));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_fit(device, 0, 1, side, side, &small));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_fit(device, 1, 4, side, side, &small));
 }
 
 int main(void) {

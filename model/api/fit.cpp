@@ -7,10 +7,10 @@
 
 #include "model/api/cameras.h"
 #include "model/api/device.h"
+#include "model/api/fit_source.h"
 #include "model/api/input.h"
 #include "model/api/model.h"
 #include "model/api/plan.h"
-#include "model/api/refine_start.h"
 #include "model/api/scene.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit.h"
@@ -20,18 +20,18 @@
 using namespace vsplat;
 using namespace vsplat::api;
 
-struct vsplat_refinement_impl : vsplat::api::Counted {
+struct vsplat_fit_impl : vsplat::api::Counted {
   Kept<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
   Kept<vsplat_views, vsplat_views_retain, vsplat_views_release> views;
   std::vector<int> used;
   bool independent = false;
-  std::shared_ptr<std::vector<int>> selected;  // shared with RefineStart
-  std::optional<SceneFit> fit;                 // declared after what it uses, so that it is destroyed first
+  std::shared_ptr<std::vector<int>> selected;  // shared with FitSource
+  std::optional<SceneFit> scene_fit;           // declared after what it uses, so that it is destroyed first
 };
 
 namespace {
 
-FitHoldout holdout_of(const vsplat_refine_options& o) {
+FitHoldout holdout_of(const vsplat_fit_options& o) {
   FitHoldout out;
   switch (value_of(o.holdout)) {
     case VSPLAT_HOLDOUT_AUTO:
@@ -56,12 +56,12 @@ FitFreeze freeze_of(uint32_t bits) {
   constexpr uint32_t all =
       VSPLAT_FREEZE_MEANS | VSPLAT_FREEZE_SCALES | VSPLAT_FREEZE_ROTATIONS | VSPLAT_FREEZE_OPACITIES | VSPLAT_FREEZE_SH;
   if (bits & ~all) fail(Status::usage, "options.freeze is {}, not made of values of vsplat_freeze", bits);
-  if (bits == all) fail(Status::usage, "vsplat_refine_options.freeze holds every parameter: nothing is left to move");
+  if (bits == all) fail(Status::usage, "vsplat_fit_options.freeze holds every parameter: nothing is left to move");
   return {(bits & VSPLAT_FREEZE_MEANS) != 0, (bits & VSPLAT_FREEZE_SCALES) != 0, (bits & VSPLAT_FREEZE_ROTATIONS) != 0,
           (bits & VSPLAT_FREEZE_OPACITIES) != 0, (bits & VSPLAT_FREEZE_SH) != 0};
 }
 
-FitRequest request_of(const vsplat_refine_options& o) {
+FitRequest request_of(const vsplat_fit_options& o) {
   FitRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
   out.holdout = holdout_of(o);
@@ -85,13 +85,13 @@ FitRequest request_of(const vsplat_refine_options& o) {
   out.checkpoint = o.checkpoint ? o.checkpoint : "";
   out.resume = o.resume != 0;
   if (out.resume && out.checkpoint.empty())
-    fail(Status::usage, "vsplat_refine_options.resume needs vsplat_refine_options.checkpoint, the folder of the state");
+    fail(Status::usage, "vsplat_fit_options.resume needs vsplat_fit_options.checkpoint, the folder of the state");
   return out;
 }
 
-SceneFit& fit_of(vsplat_refinement refinement) {
-  need(refinement, "refinement");
-  return *refinement->fit;
+SceneFit& scene_fit_of(vsplat_fit fit) {
+  need(fit, "fit");
+  return *fit->scene_fit;
 }
 
 vsplat_scene new_scene(Scene scene) {
@@ -113,8 +113,8 @@ Gaussians blank_gaussians(std::size_t count, int degree) {
   return out;
 }
 
-vsplat_refine_progress progress_of(const FitProgress& p) {
-  vsplat_refine_progress out = VSPLAT_REFINE_PROGRESS_INIT;
+vsplat_fit_progress progress_of(const FitProgress& p) {
+  vsplat_fit_progress out = VSPLAT_FIT_PROGRESS_INIT;
   p.phase.copy(out.phase, sizeof out.phase - 1);
   out.step = p.step;
   out.steps = p.steps;
@@ -127,139 +127,138 @@ vsplat_refine_progress progress_of(const FitProgress& p) {
 
 }  // namespace
 
-vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views, const vsplat_refine_options* options,
-                                       vsplat_refinement* out_refinement) {
+vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const vsplat_fit_options* options,
+                                vsplat_fit* out_fit) {
   return guarded([&] {
     const DeviceUse use(device);
     need(views, "views");
     need(options, "options");
-    need(out_refinement, "out_refinement");
-    const vsplat_refine_options o = taken(options, VSPLAT_REFINE_OPTIONS_INIT, "options");
+    need(out_fit, "out_fit");
+    const vsplat_fit_options o = taken(options, VSPLAT_FIT_OPTIONS_INIT, "options");
     FitRequest request = request_of(o);
-    auto made = std::make_unique<vsplat_refinement_impl>();
+    auto made = std::make_unique<vsplat_fit_impl>();
     made->device = device;
     made->views = views;
-    made->used = listed_views(views->photographs.set, request.names, "vsplat_refine_options.names");
+    made->used = listed_views(views->photographs.set, request.names, "vsplat_fit_options.names");
     // Frees the scene drawn before and other models' weights.
     device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
-    RefineStart from = refine_start(device, views, o, made->used);
+    FitSource from = fit_source(device, views, o, made->used);
     made->independent = from.start.independent;
     made->selected = from.selected;
     request.spared = from.named;
-    made->fit.emplace(device->context, views->photographs, std::move(from.start), request);
-    *out_refinement = made.release();
+    made->scene_fit.emplace(device->context, views->photographs, std::move(from.start), request);
+    *out_fit = made.release();
   });
 }
 
-void vsplat_refinement_retain(vsplat_refinement refinement) { retain(refinement); }
-void vsplat_refinement_release(vsplat_refinement refinement) {
-  if (!is_forked()) release(refinement);  // as in vsplat_device_release()
+void vsplat_fit_retain(vsplat_fit fit) { retain(fit); }
+void vsplat_fit_release(vsplat_fit fit) {
+  if (!is_forked()) release(fit);  // as in vsplat_device_release()
 }
 
-vsplat_status vsplat_refinement_step(vsplat_refinement refinement, vsplat_refine_progress* out_progress,
-                                     int32_t* out_more) {
+vsplat_status vsplat_fit_step(vsplat_fit fit, vsplat_fit_progress* out_progress, int32_t* out_more) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
     need(out_more, "out_more");
     if (out_progress) check_size(*out_progress, "out_progress");
-    const bool more = fit.step();
-    if (out_progress) give(out_progress, progress_of(fit.progress()), "out_progress");
+    const bool more = scene_fit.step();
+    if (out_progress) give(out_progress, progress_of(scene_fit.progress()), "out_progress");
     *out_more = more ? 1 : 0;
   });
 }
 
-vsplat_status vsplat_refinement_stop(vsplat_refinement refinement) {
+vsplat_status vsplat_fit_stop(vsplat_fit fit) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
-    fit.stop();
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
+    scene_fit.stop();
   });
 }
 
-vsplat_status vsplat_refinement_get_scene(vsplat_refinement refinement, vsplat_scene* out_scene) {
+vsplat_status vsplat_fit_get_scene(vsplat_fit fit, vsplat_scene* out_scene) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
     need(out_scene, "out_scene");
-    *out_scene = new_scene(fit.result().scene);
+    *out_scene = new_scene(scene_fit.result().scene);
   });
 }
 
-vsplat_status vsplat_refinement_get_start(vsplat_refinement refinement, vsplat_scene* out_scene) {
+vsplat_status vsplat_fit_get_start(vsplat_fit fit, vsplat_scene* out_scene) {
   return guarded([&] {
-    const SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
+    const SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
     need(out_scene, "out_scene");
-    vsplat_scene scene = new_scene(fit.start());
-    scene->selected = *refinement->selected;
+    vsplat_scene scene = new_scene(scene_fit.start());
+    scene->selected = *fit->selected;
     *out_scene = scene;
   });
 }
 
-vsplat_status vsplat_refinement_get_result(vsplat_refinement refinement, vsplat_refine_result* out_result) {
+vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_result) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
     need_room(out_result, "out_result");
-    const FitResult r = fit.result();
-    vsplat_refine_result out = VSPLAT_REFINE_RESULT_INIT;
+    const FitResult r = scene_fit.result();
+    vsplat_fit_result out = VSPLAT_FIT_RESULT_INIT;
     out.steps = r.steps;
     out.seconds = r.seconds;
     out.returned = r.start_returned ? 1 : 0;
-    out.claimed = refinement->independent && std::isfinite(r.start.psnr) && std::isfinite(r.result.psnr) ? 1 : 0;
-    out.num_judged = static_cast<int32_t>(r.judged.size());
+    out.claimed = fit->independent && std::isfinite(r.start.psnr) && std::isfinite(r.result.psnr) ? 1 : 0;
+    out.num_held_out = static_cast<int32_t>(r.judged.size());
     out.start_psnr = r.start.psnr;
     out.start_ssim = r.start.ssim;
     out.result_psnr = r.result.psnr;
     out.result_ssim = r.result.ssim;
-    out.num_suspects = static_cast<int32_t>(r.suspects.size());
+    out.num_outliers = static_cast<int32_t>(r.suspects.size());
     give(out_result, out, "out_result");
   });
 }
 
-vsplat_status vsplat_refinement_get_views(vsplat_refinement refinement, vsplat_refine_views which, int32_t* out_views,
-                                          size_t capacity, size_t* out_count) {
+vsplat_status vsplat_fit_get_views(vsplat_fit fit, vsplat_fit_views which, int32_t* out_views, size_t capacity,
+                                   size_t* out_count) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
     need(out_count, "out_count");
     need_array(out_views, capacity, "out_views");
     std::vector<int> all;
     switch (value_of(which)) {
-      case VSPLAT_REFINE_USED:
-        all = refinement->used;
+      case VSPLAT_FIT_USED:
+        all = fit->used;
         break;
-      case VSPLAT_REFINE_JUDGED:
-        all = fit.result().judged;
+      case VSPLAT_FIT_HELD_OUT:
+        all = scene_fit.result().judged;
         break;
-      case VSPLAT_REFINE_SUSPECTS:
-        all = fit.result().suspects;
+      case VSPLAT_FIT_OUTLIERS:
+        all = scene_fit.result().suspects;
         break;
       default:
-        fail(Status::usage, "which is {}, not a value of vsplat_refine_views", value_of(which));
+        fail(Status::usage, "which is {}, not a value of vsplat_fit_views", value_of(which));
     }
     std::copy_n(all.begin(), std::min(capacity, all.size()), out_views);
     *out_count = all.size();
   });
 }
 
-vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t index, vsplat_camera* out_camera,
-                                         float* out_pixels, size_t capacity) {
+vsplat_status vsplat_fit_get_view(vsplat_fit fit, size_t index, vsplat_camera* out_camera, float* out_pixels,
+                                  size_t capacity) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
-    const std::vector<int>& used = refinement->used;
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
+    const std::vector<int>& used = fit->used;
     const auto known = [&](int view) { return static_cast<size_t>(view) == index; };
     if (std::none_of(used.begin(), used.end(), known))
       fail(Status::usage, "view {} is not among the {} that are used", index, used.size());
     if (out_camera) check_size(*out_camera, "out_camera");
     const int view = static_cast<int>(index);
-    const vsplat_camera camera = describe(fit.camera(view));
+    const vsplat_camera camera = describe(scene_fit.camera(view));
     if (out_pixels) {
-      const Image picture = fit.picture(view);
+      const Image picture = scene_fit.picture(view);
       if (capacity < picture.data.size())
         fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, picture.data.size());
       std::copy(picture.data.begin(), picture.data.end(), out_pixels);
@@ -268,22 +267,22 @@ vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t in
   });
 }
 
-vsplat_status vsplat_refinement_save_cameras(vsplat_refinement refinement, const char* path) {
+vsplat_status vsplat_fit_save_cameras(vsplat_fit fit, const char* path) {
   return guarded([&] {
-    SceneFit& fit = fit_of(refinement);
-    const DeviceUse use(refinement->device.get());
+    SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
     need(path, "path");
     std::vector<Camera> cameras;
-    for (const int view : refinement->used) {
-      cameras.push_back(fit.camera(view));
-      cameras.back().file = refinement->views.get()->photographs.set.views[static_cast<size_t>(view)].name;
+    for (const int view : fit->used) {
+      cameras.push_back(scene_fit.camera(view));
+      cameras.back().file = fit->views.get()->photographs.set.views[static_cast<size_t>(view)].name;
     }
     write_cameras(path, cameras);
   });
 }
 
-vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, int32_t sh_degree, int32_t width,
-                                     int32_t height, vsplat_plan* out_plan) {
+vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t sh_degree, int32_t width,
+                              int32_t height, vsplat_plan* out_plan) {
   return guarded([&] {
     const DeviceUse use(device);
     need_room(out_plan, "out_plan");

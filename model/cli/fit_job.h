@@ -1,4 +1,4 @@
-// Fitting a scene to the user's pictures: what `refine` and `reconstruct --refine` share.
+// Fitting a scene to the user's pictures: what `vsplat fit` and `reconstruct --refine` share.
 #pragma once
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
@@ -11,27 +11,27 @@
 
 namespace command {
 
-// Options as given; "" if not given. `refine` has all of them.
-struct RefineOptions {
+// Options as given; "" if not given. `vsplat fit` has all of them.
+struct FitOptions {
   std::string steps, size, sheet;
   std::string seconds, max_gaussians, holdout, sh, freeze, seed, log, checkpoint;
   bool poses = false, exposure = false, resume = false;
 };
 
 // The options' names in messages.
-struct RefineNames {
+struct FitNames {
   const char *steps = "--steps", *size = "--size", *sheet = "--sheet", *time = "--time";
 };
 
-class RefineJob {
+class FitJob {
  public:
   // Reports every error of the request itself.
-  explicit RefineJob(const RefineOptions& given, const RefineNames& names = {});
-  RefineJob(const RefineJob&) = delete;
-  RefineJob& operator=(const RefineJob&) = delete;
+  explicit FitJob(const FitOptions& given, const FitNames& names = {});
+  FitJob(const FitJob&) = delete;
+  FitJob& operator=(const FitJob&) = delete;
 
   // The caller sets start, scene, model, input and names.
-  vsplat_refine_options options = VSPLAT_REFINE_OPTIONS_INIT;
+  vsplat_fit_options options = VSPLAT_FIT_OPTIONS_INIT;
 
   // `output`: the scene's file; poses are written beside it.
   void expect(Outputs& outputs, const std::string& output);
@@ -48,16 +48,14 @@ class RefineJob {
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
-  void draw_sheet(Session& session, const vsplat::Refinement& refinement, const vsplat::Scene& scene,
-                  Outputs& outputs) const;
-  std::vector<std::string> names_of(const vsplat::Refinement& refinement, vsplat_refine_views which,
-                                    const vsplat::Views& views) const;
+  void draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, Outputs& outputs) const;
+  std::vector<std::string> names_of(const vsplat::Fit& fit, vsplat_fit_views which, const vsplat::Views& views) const;
 
   std::vector<std::string> holdout_;
   std::vector<const char*> holdout_pointers_;
   std::string log_, sheet_, poses_, checkpoint_;
   vsplat::Scene start_;
-  vsplat_refine_result result_ = VSPLAT_REFINE_RESULT_INIT;
+  vsplat_fit_result result_ = VSPLAT_FIT_RESULT_INIT;
   bool stopped_ = false;
   std::size_t used_ = 0;
   std::vector<std::string> judged_, suspects_;
@@ -65,7 +63,7 @@ class RefineJob {
 
 // Plan of a step's memory, with a title: up to `gaussians`, with pictures of these cameras whose longer side is at most
 // `longest`.
-Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_degree,
-                     const std::vector<vsplat_camera>& cameras, int longest);
+Plan plan_fit(const Session& session, std::uint64_t gaussians, int sh_degree, const std::vector<vsplat_camera>& cameras,
+              int longest);
 
 }  // namespace command

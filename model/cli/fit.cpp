@@ -1,42 +1,42 @@
-// vsplat refine: fits a scene to the user's own pictures, and measures it on held-out views.
+// vsplat fit: fits a scene to the user's own pictures, and measures it on held-out views.
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "fit_job.h"
 #include "placement.h"
-#include "refinement.h"
 #include "scene_file.h"
 
 namespace command {
 namespace {
 
-struct RefineSettings {
+struct FitSettings {
   Common common;
   PlacementOptions placement;
-  RefineOptions refine;
+  FitOptions fit;
   std::string views, start, model, output, names, picture_folder, near;
   int view_count = 0;  // 0: the model's
   bool force = false, dry_run = false, skip_bad = false;
 };
 
 // Parses --start; a file with one of these names is written ./NAME.
-vsplat_refine_start start_of(const std::string& text) {
-  return text == "network"  ? VSPLAT_REFINE_NETWORK
-         : text == "points" ? VSPLAT_REFINE_POINTS
-         : text == "random" ? VSPLAT_REFINE_RANDOM
-                            : VSPLAT_REFINE_SCENE;
+vsplat_fit_start start_of(const std::string& text) {
+  return text == "network"  ? VSPLAT_FIT_NETWORK
+         : text == "points" ? VSPLAT_FIT_POINTS
+         : text == "random" ? VSPLAT_FIT_RANDOM
+                            : VSPLAT_FIT_SCENE;
 }
 
-void check(const RefineSettings& o) {
-  if (o.start.empty()) throw UsageError("refine needs --start: a scene's file, or network, points or random");
-  if (o.output.empty() && !o.dry_run) throw UsageError("refine needs --output, the scene's file");
+void check(const FitSettings& o) {
+  if (o.start.empty()) throw UsageError("fit needs --start: a scene's file, or network, points or random");
+  if (o.output.empty() && !o.dry_run) throw UsageError("fit needs --output, the scene's file");
   need_ending("--output", o.output, ".ply");
-  if (start_of(o.start) != VSPLAT_REFINE_NETWORK) {
+  if (start_of(o.start) != VSPLAT_FIT_NETWORK) {
     if (!o.model.empty()) throw UsageError("--model is for --start network");
     if (!o.near.empty()) throw UsageError("--near is for --start network");
     if (o.view_count) throw UsageError("--view-count is for --start network");
-    if (o.placement.fit != "auto") throw UsageError("--fit is for --start network");
+    if (o.placement.crop != "auto") throw UsageError("--crop is for --start network");
   }
 }
 
@@ -44,16 +44,16 @@ void check(const RefineSettings& o) {
 vsplat::Scene start_scene(const std::string& path) {
   vsplat::Scene out = vsplat::Scene::load(path);
   if (out.info().surfels)
-    throw UsageError(path + " holds surfels, and Gaussians of three scales can be refined: vsplat convert " +
+    throw UsageError(path + " holds surfels, and Gaussians of three scales can be fitted: vsplat convert " +
                      "--surfels-to-gaussians makes some");
   return out;
 }
 
-std::string start_file(const RefineSettings& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
+std::string start_file(const FitSettings& o) { return start_of(o.start) == VSPLAT_FIT_SCENE ? o.start : ""; }
 
 // Plans the memory at the largest size: --max-gaussians, else the larger of 1.5 Gaussians a pixel of a picture and
 // twice the start's.
-void dry_run(const RefineSettings& o, const RefineJob& job) {
+void dry_run(const FitSettings& o, const FitJob& job) {
   Session session(o.common);
   const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
   vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
@@ -63,11 +63,11 @@ void dry_run(const RefineSettings& o, const RefineJob& job) {
   std::uint64_t begins = 0;
   int degree = 2;
   std::vector<Plan> plans;
-  if (job.options.start == VSPLAT_REFINE_SCENE) {
+  if (job.options.start == VSPLAT_FIT_SCENE) {
     const vsplat_scene_info info = start_scene(o.start).info();
     begins = info.count;
     degree = std::max(degree, info.sh_degree);
-  } else if (job.options.start == VSPLAT_REFINE_NETWORK) {
+  } else if (job.options.start == VSPLAT_FIT_NETWORK) {
     const vsplat::Model model = load_model(o.model);
     begins = static_cast<std::uint64_t>(VSPLAT_ASSUME_SELECTED * static_cast<double>(model.info().max_gaussians));
     degree = std::max(degree, model.info().sh_degree);
@@ -88,13 +88,13 @@ void dry_run(const RefineSettings& o, const RefineJob& job) {
                                   ? job.options.max_gaussians
                                   : std::max(2 * begins, static_cast<std::uint64_t>(1.5 * pixels));
   if (job.options.sh_degree >= 0) degree = job.options.sh_degree;
-  plans.push_back(plan_refinement(session, std::max(begins, grows), degree, cameras, job.options.longest));
+  plans.push_back(plan_fit(session, std::max(begins, grows), degree, cameras, job.options.longest));
   print_plans(o.common, plans);
 }
 
-void refine(const RefineSettings& o) {
+void fit(const FitSettings& o) {
   check(o);
-  RefineJob job(o.refine);
+  FitJob job(o.fit);
   job.options.start = start_of(o.start);
   vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
   set_placement(o.placement, input);
@@ -123,14 +123,14 @@ void refine(const RefineSettings& o) {
   job.expect(outputs, o.output);
 
   vsplat::Scene scene;
-  if (job.options.start == VSPLAT_REFINE_SCENE) scene = start_scene(o.start);
+  if (job.options.start == VSPLAT_FIT_SCENE) scene = start_scene(o.start);
   job.options.scene = scene.get();
   Session session(o.common);
-  session.about("command", "refine");
-  if (job.options.start == VSPLAT_REFINE_NETWORK) session.about("model", model_name(o.model));
+  session.about("command", "fit");
+  if (job.options.start == VSPLAT_FIT_NETWORK) session.about("model", model_name(o.model));
   session.about("scene", o.views);
   vsplat::Model model;
-  if (job.options.start == VSPLAT_REFINE_NETWORK) model = load_model(o.model);
+  if (job.options.start == VSPLAT_FIT_NETWORK) model = load_model(o.model);
   job.options.model = model.get();
   const vsplat::Scene result = job.run(session, o.common, views, outputs);
   file.save(o.common, result);
@@ -148,7 +148,7 @@ void refine(const RefineSettings& o) {
   print_json(out);
 }
 
-void add_refine_options(CLI::App& sub, RefineOptions& o) {
+void add_fit_options(CLI::App& sub, FitOptions& o) {
   sub.add_option("--steps", o.steps,
                  "How many (default: auto, by the number of views; with few of them what suits views left out)")
       ->type_name("N|auto");
@@ -178,9 +178,9 @@ void add_refine_options(CLI::App& sub, RefineOptions& o) {
 
 }  // namespace
 
-void add_refine(CLI::App& app, Run& run) {
-  auto o = std::make_shared<RefineSettings>();
-  CLI::App* sub = app.add_subcommand("refine", "Move a scene towards the pictures that there are of it");
+void add_fit(CLI::App& app, Run& run) {
+  auto o = std::make_shared<FitSettings>();
+  CLI::App* sub = app.add_subcommand("fit", "Fit a scene to its pictures, and measure the gain on held-out views");
   sub->add_option("VIEWS", o->views,
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->required()
@@ -194,7 +194,7 @@ void add_refine(CLI::App& app, Run& run) {
                   "Which pictures are used: names (stem or path) or @ and place in the list from 0 (default: all)")
       ->type_name("NAME,...|@INDEX,...");
   add_view_options(*sub, o->picture_folder, o->skip_bad);
-  add_refine_options(*sub, o->refine);
+  add_fit_options(*sub, o->fit);
   sub->add_option("-m,--model", o->model, "Of --start network (default: the built-in model)")->type_name("MODEL");
   sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")
       ->type_name("Z");
@@ -207,40 +207,40 @@ void add_refine(CLI::App& app, Run& run) {
   sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
       ->group(placement_group);
   const char* beside = "Beside the scene";
-  sub->add_option("--sheet", o->refine.sheet,
+  sub->add_option("--sheet", o->fit.sheet,
                   "For each picture held out a row: picture, start, result, 4 x difference; for fitted ones where none "
                   "is")
       ->type_name("FILE.png")
       ->group(beside);
-  sub->add_option("--log", o->refine.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
+  sub->add_option("--log", o->fit.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
       ->type_name("FILE.csv")
       ->group(beside);
-  sub->add_flag("--poses", o->refine.poses,
+  sub->add_flag("--poses", o->fit.poses,
                 "Correct the cameras a little, too, and write them as cameras.json beside the scene: SCENE.poses.json")
       ->group(beside);
-  sub->add_flag("--exposure", o->refine.exposure,
+  sub->add_flag("--exposure", o->fit.exposure,
                 "Give each picture an affine map of colours while fitting, for exposure that differs; dropped at the "
                 "end")
       ->group(beside);
-  sub->add_option("--checkpoint", o->refine.checkpoint, "Folder into which the state is written now and then")
+  sub->add_option("--checkpoint", o->fit.checkpoint, "Folder into which the state is written now and then")
       ->type_name("DIR")
       ->group(beside);
-  sub->add_flag("--resume", o->refine.resume, "Go on with the state in --checkpoint: the result has the same bytes")
+  sub->add_flag("--resume", o->fit.resume, "Go on with the state in --checkpoint: the result has the same bytes")
       ->group(beside);
   sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes")->group(beside);
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
-      "  vsplat refine photos/ --start network --output sharp.ply --sheet sheet.png\n"
-      "  vsplat refine photos/ --start scene.ply --output sharp.ply --size full --time 120\n"
-      "  vsplat refine colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
-      "  vsplat refine photos/ --start network --output sharp.ply --poses --exposure\n"
-      "  vsplat refine photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"
-      "  vsplat refine photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
+      "  vsplat fit photos/ --start network --output sharp.ply --sheet sheet.png\n"
+      "  vsplat fit photos/ --start scene.ply --output sharp.ply --size full --time 120\n"
+      "  vsplat fit colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
+      "  vsplat fit photos/ --start network --output sharp.ply --poses --exposure\n"
+      "  vsplat fit photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"
+      "  vsplat fit photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
       "What comes out is never worse than the start on the pictures held out: where the start is best, it is written,\n"
       "and that is said. Masks and alpha are used where there are any. Ctrl-C ends it with the best so far; a second\n"
       "one at once. The same input gives the same bytes, except with --time.");
-  sub->callback([o, &run] { run = [o] { refine(*o); }; });
+  sub->callback([o, &run] { run = [o] { fit(*o); }; });
 }
 
 }  // namespace command

@@ -8,7 +8,7 @@
 
 namespace vsplat::api {
 
-struct RefineStart {
+struct FitSource {
   FitStart start;
   std::vector<int> named;                                                             // views requested for the network
   std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, from its last run
@@ -16,7 +16,7 @@ struct RefineStart {
 
 // Places the object and checks what the start needs; `used` are the views of `o`. Keeps the scene or model of `o`
 // alive, but not device and views.
-RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
-                         const std::vector<int>& used);
+FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+                     const std::vector<int>& used);
 
 }  // namespace vsplat::api
