@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <set>
 
 #include "bench/references.h"
 #include "bench/timing.h"
+#include "model/diagnose/selftest/cases/cases.h"
 #include "runtime/fail.h"
 #include "runtime/profile/peaks.h"
 #include "runtime/profile/profile_page.h"
@@ -15,69 +17,6 @@
 namespace vsplat::bench {
 
 namespace {
-
-struct Suite {
-  const char* name;
-  std::vector<Case> (*cases)(const Options&);
-};
-const std::vector<Suite> kSuites = {{"gemm", gemm_cases},    {"conv3d", conv3d_cases}, {"render", render_cases},
-                                    {"train", train_cases},  {"fit", fit_cases},       {"model", model_cases},
-                                    {"sparse", sparse_cases}};
-const std::vector<Suite> kOperations = {
-    {"activation", activation_cases},
-    {"adamw", adamw_cases},
-    {"add_columns", add_columns_cases},
-    {"area_mean", area_mean_cases},
-    {"attention", attention_cases},
-    {"cell_map", cell_map_cases},
-    {"compact", compact_cases},
-    {"confidence", confidence_cases},
-    {"conv3d_up", conv3d_up_cases},
-    {"cross_attention", cross_attention_cases},
-    {"decode", decode_cases},
-    {"exposure", exposure_cases},
-    {"gather", gather_cases},
-    {"groupnorm", groupnorm_cases},
-    {"lara_maps", lara_maps_cases},
-    {"layer_scale", layer_scale_cases},
-    {"layernorm", layernorm_cases},
-    {"lift", lift_cases},
-    {"loss", loss_cases},
-    {"lpips", lpips_cases},
-    {"muon", muon_cases},
-    {"patch_embed", patch_embed_cases},
-    {"picture_target", picture_target_cases},
-    {"plucker", plucker_cases},
-    {"position_encoding", position_encoding_cases},
-    {"position_resample", position_resample_cases},
-    {"project", project_cases},
-    {"project_features", project_features_cases},
-    {"project_surfels", project_surfels_cases},
-    {"radix_sort", radix_sort_cases},
-    {"rasterize", rasterize_cases},
-    {"rasterize_surfels", rasterize_surfels_cases},
-    {"ray_harmonics", ray_harmonics_cases},
-    {"ray_loss", ray_loss_cases},
-    {"rope", rope_cases},
-    {"sample_points", sample_points_cases},
-    {"scan", scan_cases},
-    {"scatter_rows", scatter_rows_cases},
-    {"select", select_cases},
-    {"space_curve", space_curve_cases},
-    {"sparse_conv", sparse_conv_cases},
-    {"sparse_map", sparse_map_cases},
-    {"splat_adam", splat_adam_cases},
-    {"splat_parameters", splat_parameters_cases},
-    {"splat_relocate", splat_relocate_cases},
-    {"surface_loss", surface_loss_cases},
-    {"tile_bin", tile_bin_cases},
-    {"top_k", top_k_cases},
-    {"transpose", transpose_cases},
-    {"upsample3d", upsample3d_cases},
-    {"upscale", upscale_cases},
-    {"view_maps", view_maps_cases},
-    {"visible", visible_cases},
-};
 
 // What a kernel does for a pass, from its name.
 std::string stage_of(const std::string& kernel) {
@@ -222,12 +161,26 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   return r;
 }
 
+// An operation's case of the self-test: it is right before it is timed. Mixed precision has other tolerances.
+void check_operation(Context& ctx, const std::string& name) {
+  if (ctx.precision() != Precision::fp32) return;
+  const bool profiled = ctx.profiler().enabled();
+  ctx.profiler().enable(false);
+  selftest::Checks checks(ctx, selftest::Sizes::quick);
+  for (const selftest::Case& one : selftest::cases_of(name)) checks.run(one.name, one.run);
+  ctx.profiler().enable(profiled);
+  for (const selftest::Finding& f : checks.findings())
+    if (!f.right)
+      fail(Status::internal, "bench {}: {} is off by {:.2g} of the largest value, at most {:.2g} expected {}", name,
+           f.what, f.error, f.tolerance, f.trouble);
+}
+
 // What was asked for, in order.
 std::vector<std::pair<std::string, Case>> chosen(const Options& options) {
   std::vector<std::pair<std::string, Case>> out;
   const auto& asked = options.suites;
-  for (const auto* suites : {&kSuites, &kOperations})
-    for (const Suite& suite : *suites) {
+  for (const auto& list : {suites(), operation_suites()})
+    for (const Suite& suite : list) {
       if (!asked.empty() && std::find(asked.begin(), asked.end(), suite.name) == asked.end()) continue;
       for (const Case& c : suite.cases(options))
         if (fmt::format("{}/{}", suite.name, c.name).find(options.filter) != std::string::npos)
@@ -239,6 +192,7 @@ std::vector<std::pair<std::string, Case>> chosen(const Options& options) {
 void run_all(Context& ctx, const Options& options, Report& report) {
   const auto cases = chosen(options);
   const auto start = std::chrono::steady_clock::now();
+  std::set<std::string> checked;
   for (std::size_t at = 0; at < cases.size(); ++at) {
     const auto& [suite, c] = cases[at];
     const double so_far = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -255,6 +209,10 @@ void run_all(Context& ctx, const Options& options, Report& report) {
       // (Where one takes longer than those before did, nothing is known.)
       options.on_progress({full, doing, at, cases.size(), left > 0 ? left : -1});
     };
+    if (checked.insert(suite).second) {
+      tell("checking", -1);
+      check_operation(ctx, suite);
+    }
     report.results.push_back(run_case(ctx, suite, c, options, tell));
   }
 }
@@ -281,22 +239,22 @@ std::vector<StageTime> by_stage(const Result& r, double peak_gflops, double peak
   return out;
 }
 
-std::vector<std::string> names_of(const std::vector<Suite>& suites) {
+std::vector<std::string> names_of(const std::vector<Suite>& list) {
   std::vector<std::string> names;
-  names.reserve(suites.size());
-  for (const Suite& s : suites) names.emplace_back(s.name);
+  names.reserve(list.size());
+  for (const Suite& s : list) names.emplace_back(s.name);
   return names;
 }
 
 }  // namespace
 
 std::vector<std::string> suite_names() {
-  std::vector<std::string> names = names_of(kSuites);
+  std::vector<std::string> names = names_of(suites());
   for (const std::string& name : operation_names()) names.push_back(name);
   return names;
 }
 
-std::vector<std::string> operation_names() { return names_of(kOperations); }
+std::vector<std::string> operation_names() { return names_of(operation_suites()); }
 
 Report run(Context& ctx, const Options& options) {
   const std::vector<std::string> known = suite_names();

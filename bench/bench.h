@@ -136,67 +136,12 @@ struct Recorded {
 };
 Recorded recorded(Context& ctx);
 
-// The suites.
-std::vector<Case> cell_map_cases(const Options& options);
-std::vector<Case> confidence_cases(const Options& options);
-std::vector<Case> conv3d_up_cases(const Options& options);
-std::vector<Case> cross_attention_cases(const Options& options);
-std::vector<Case> gemm_cases(const Options& options);
-std::vector<Case> conv3d_cases(const Options& options);
-std::vector<Case> model_cases(const Options& options);
-std::vector<Case> render_cases(const Options& options);
-std::vector<Case> sample_points_cases(const Options& options);
-std::vector<Case> space_curve_cases(const Options& options);
-std::vector<Case> sparse_cases(const Options& options);
-std::vector<Case> top_k_cases(const Options& options);
-std::vector<Case> train_cases(const Options& options);
-std::vector<Case> fit_cases(const Options& options);
-// Those of single operations: bench/ops/NAME.cpp.
-std::vector<Case> activation_cases(const Options& options);
-std::vector<Case> adamw_cases(const Options& options);
-std::vector<Case> add_columns_cases(const Options& options);
-std::vector<Case> area_mean_cases(const Options& options);
-std::vector<Case> attention_cases(const Options& options);
-std::vector<Case> compact_cases(const Options& options);
-std::vector<Case> decode_cases(const Options& options);
-std::vector<Case> exposure_cases(const Options& options);
-std::vector<Case> gather_cases(const Options& options);
-std::vector<Case> groupnorm_cases(const Options& options);
-std::vector<Case> lara_maps_cases(const Options& options);
-std::vector<Case> layer_scale_cases(const Options& options);
-std::vector<Case> layernorm_cases(const Options& options);
-std::vector<Case> lift_cases(const Options& options);
-std::vector<Case> loss_cases(const Options& options);
-std::vector<Case> lpips_cases(const Options& options);
-std::vector<Case> muon_cases(const Options& options);
-std::vector<Case> patch_embed_cases(const Options& options);
-std::vector<Case> picture_target_cases(const Options& options);
-std::vector<Case> plucker_cases(const Options& options);
-std::vector<Case> position_encoding_cases(const Options& options);
-std::vector<Case> position_resample_cases(const Options& options);
-std::vector<Case> project_cases(const Options& options);
-std::vector<Case> project_features_cases(const Options& options);
-std::vector<Case> project_surfels_cases(const Options& options);
-std::vector<Case> radix_sort_cases(const Options& options);
-std::vector<Case> rasterize_cases(const Options& options);
-std::vector<Case> rasterize_surfels_cases(const Options& options);
-std::vector<Case> ray_harmonics_cases(const Options& options);
-std::vector<Case> ray_loss_cases(const Options& options);
-std::vector<Case> rope_cases(const Options& options);
-std::vector<Case> scan_cases(const Options& options);
-std::vector<Case> scatter_rows_cases(const Options& options);
-std::vector<Case> select_cases(const Options& options);
-std::vector<Case> sparse_conv_cases(const Options& options);
-std::vector<Case> sparse_map_cases(const Options& options);
-std::vector<Case> splat_adam_cases(const Options& options);
-std::vector<Case> splat_parameters_cases(const Options& options);
-std::vector<Case> splat_relocate_cases(const Options& options);
-std::vector<Case> surface_loss_cases(const Options& options);
-std::vector<Case> tile_bin_cases(const Options& options);
-std::vector<Case> transpose_cases(const Options& options);
-std::vector<Case> upsample3d_cases(const Options& options);
-std::vector<Case> upscale_cases(const Options& options);
-std::vector<Case> view_maps_cases(const Options& options);
-std::vector<Case> visible_cases(const Options& options);
+// A suite: NAME.cpp or ops/NAME.cpp, which defines NAME_cases(). CMake lists them.
+struct Suite {
+  const char* name;
+  std::vector<Case> (*cases)(const Options&);
+};
+std::vector<Suite> suites();            // whole passes, and dense kernels at the network's shapes
+std::vector<Suite> operation_suites();  // single operations, by the headers of model/ops/
 
 }  // namespace vsplat::bench

@@ -13,6 +13,8 @@ FORWARD_ALONE = {
     "plucker": "cameras have no gradient",
     "sparse_map": "indices have no derivative",
 }
+# Operations of runtime/, which have cases of the self-test and tests of their own.
+RUNTIME = {"column_sum", "compose_rows", "gemm", "peak"}
 # Operations that are not named after their header.
 IN_HEADER = {
     "modulate": "layernorm",  # a LayerNorm with a scale and a shift for each token, with the same kernels
@@ -23,20 +25,6 @@ KERNELS_BACKWARD_ALONE = {
     "loss": "loss_value and those before it are the forward, of which the backward takes most",
     "submanifold": "the forward is a GEMM over a map",
 }
-# Files that a stem lacks.
-WITHOUT = {
-    "add_columns": {"reference": "a sum, which the test writes down"},
-    "area_mean": {"reference": "a mean, which the test writes down"},
-    "compact": {"test": "the last step of selection: select_test.cpp", "reference": "the selected indices, which that test lists"},
-    "gather": {"reference": "rows by index, which the test takes from the input"},
-    "project": {"reference": "splat.h: that of whole pictures, which benchmarks are checked with, too"},
-    "project_surfels": {"reference": "surfels.h, for the same reason"},
-    "radix_sort": {"reference": "std::stable_sort"},
-    "tile_bin": {"reference": "what a tile sees, which the test tells from the rectangles"},
-    "transpose": {"reference": "rows as columns, which the test writes down"},
-    "visible": {"reference": "what is counted, which the test counts"},
-}
-
 # Functions in headers that are not operations, and that no benchmark times.
 NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|upload_views|gpu_tile")  # they make, pack or choose
 
@@ -90,12 +78,21 @@ def kernel_problems(sources):
     return problems
 
 
-def benchmark_problems(headers, benchmarks, table):
-    """headers and benchmarks {stem: text}, the text with the table of suites. Returns what `vsplat bench STEM` does not time, one line each."""
+def case_problems(stems, cases, tests):
+    """stems, cases {stem: text of its case file} and tests {stem: text}. Returns which cases are missing or not run by their test, one line each."""
+    problems = [f"cases/{stem}.cpp: no operation has this name" for stem in sorted(set(cases) - set(stems))]
+    for stem in sorted(stems):
+        if f"VSPLAT_CASES({stem}," not in cases.get(stem, ""):
+            problems.append(f"{stem}: no cases/{stem}.cpp with VSPLAT_CASES({stem}, ...)")
+        if stem not in RUNTIME and not re.search(rf"\bVSPLAT_OPERATION\(\w+, {stem}\)", tests.get(stem, "")):
+            problems.append(f"{stem}: {stem}_test.cpp does not run its case: VSPLAT_OPERATION(..., {stem})")
+    return problems
+
+
+def benchmark_problems(headers, benchmarks):
+    """headers and benchmarks {stem: text}. Returns what `vsplat bench STEM` does not time, one line each."""
     problems = []
     for stem, text in headers.items():
-        if f'{{"{stem}", {stem}_cases}}' not in table:
-            problems.append(f"{stem}.h: no suite of this name in bench/bench.cpp")
         if stem not in benchmarks:
             problems.append(f"{stem}.h: neither bench/ops/{stem}.cpp nor bench/{stem}.cpp")
             continue
@@ -127,23 +124,28 @@ class Pairs(unittest.TestCase):
                     self.assertTrue(name == header.stem or name.startswith(header.stem + "_") or IN_HEADER.get(name) == header.stem)
 
     def test_one_stem_everywhere(self):
-        for header in sorted(OPS.rglob("*.h")):
-            stem, family = header.stem, header.parent.name
+        listed = re.findall(r"^  (\w+/\w+)$", (ROOT / "cmake" / "operations.cmake").read_text(), re.M)
+        self.assertEqual(sorted(listed), sorted(f"{header.parent.name}/{header.stem}" for header in OPS.rglob("*.h")))
+        for operation in listed:
+            family, stem = operation.split("/")
             files = {"source": [OPS / family / f"{stem}.cpp"], "kernel": list((ROOT / "cl" / family).glob(f"{stem}*.cl")),
-                     "test": [ROOT / "tests" / "model" / "ops" / family / f"{stem}_test.cpp"],
-                     "reference": [ROOT / "model" / "diagnose" / "selftest" / "reference" / f"{stem}.h"]}
+                     "test": [ROOT / "tests" / "model" / "ops" / family / f"{stem}_test.cpp"]}
             for what, paths in files.items():
                 with self.subTest(stem=stem, file=what):
-                    there = bool(paths) and all(path.is_file() for path in paths)
-                    self.assertNotEqual(there, what in WITHOUT.get(stem, {}), f"{what} of {stem}: {[str(p) for p in paths]}")
+                    self.assertTrue(paths and all(path.is_file() for path in paths), f"{what} of {stem}: {[str(p) for p in paths]}")
 
+    def test_every_operation_has_one_case(self):
+        cases = {path.stem: path.read_text() for path in (ROOT / "model" / "diagnose" / "selftest" / "cases").glob("*.cpp")}
+        tests = {path.stem.removesuffix("_test"): path.read_text() for path in (ROOT / "tests" / "model" / "ops").rglob("*_test.cpp")}
+        stems = {header.stem for header in OPS.rglob("*.h")} | RUNTIME
+        self.assertEqual(case_problems(stems, cases, tests), [])
 
     def test_every_operation_has_a_benchmark(self):
         headers = {path.stem: path.read_text() for path in sorted(OPS.rglob("*.h"))}
         headers["gemm"] = (ROOT / "runtime" / "gemm.h").read_text()
         benchmarks = {path.stem: path.read_text() for folder in ("bench", "bench/ops") for path in (ROOT / folder).glob("*.cpp")}
         self.assertGreater(sum(len(FUNCTION.findall(without_comments(text))) for text in headers.values()), 60)
-        self.assertEqual(benchmark_problems(headers, benchmarks, (ROOT / "bench" / "bench.cpp").read_text()), [])
+        self.assertEqual(benchmark_problems(headers, benchmarks), [])
 
 
     def test_kernels_know_their_place_in_a_launch_of_parts(self):
@@ -173,11 +175,17 @@ class Faults(unittest.TestCase):
         self.assertEqual(len(pair_problems({"turn.h": forward, "turn_backward.h": backward})), 2)
 
     def test_benchmarks(self):
-        table, good = '{"turn", turn_cases}', "turn_forward(ctx, a); turn_backward(ctx, a);"
-        self.assertEqual(benchmark_problems({"turn": self.GOOD}, {"turn": good}, table), [])
-        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {"turn": good}, "")), 1)
-        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {}, table)), 1)
-        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {"turn": "turn_forward(ctx, a);"}, table)), 1)
+        good = "turn_forward(ctx, a); turn_backward(ctx, a);"
+        self.assertEqual(benchmark_problems({"turn": self.GOOD}, {"turn": good}), [])
+        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {})), 1)
+        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {"turn": "turn_forward(ctx, a);"})), 1)
+
+    def test_cases(self):
+        case, test = 'VSPLAT_CASES(turn, {"turn", turn_all})', "VSPLAT_OPERATION(Turn, turn)"
+        self.assertEqual(case_problems({"turn"}, {"turn": case}, {"turn": test}), [])
+        self.assertEqual(len(case_problems({"turn"}, {}, {"turn": test})), 1)
+        self.assertEqual(len(case_problems({"turn"}, {"turn": case}, {"turn": ""})), 1)
+        self.assertEqual(len(case_problems({"turn"}, {"turn": case, "other": ""}, {"turn": test})), 1)
 
     def test_kernels(self):
         good = "kernel void turn_forward_cpu(int n) {}\nkernel __attribute__((reqd_work_group_size(1, 1, 1))) void turn_backward(int n) {}"

@@ -7,7 +7,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 INTERFACE = ("model/api", "model/api/include/vsplat")  # the C interface and its public headers
 # Where an operation's files stand beside model/ops/<family>/, see "Adding an operation" in CONTRIBUTING.md.
-OPERATION = ("bench", "bench/ops", "model/diagnose/selftest/reference", "runtime")
+OPERATION = ("bench", "bench/ops", "model/diagnose/selftest/cases", "model/diagnose/selftest/reference", "runtime")
 # Things whose interface includes no header of the same stem, with how it comes to them.
 SAME_THING = {
     "device": "by way of runtime/context.h",
@@ -18,7 +18,7 @@ SAME_THING = {
 
 def operations(sources):
     """The stems of operations: those of model/ops/, and what runtime/ multiplies matrices with."""
-    return {path.stem for path in sources if path.parts[:2] == ("model", "ops")} | {"gemm", "compose_rows", "column_sum"}
+    return {path.stem for path in sources if path.parts[:2] == ("model", "ops")} | {"gemm", "compose_rows", "column_sum", "peak"}
 
 
 def sources():

@@ -1,6 +1,7 @@
 // What the benchmark of a single operation is made of: bench/ops/NAME.cpp times what model/ops/NAME.h declares, at the
-// paper's size unless its name says otherwise. The tests hold every operation to a reference on the host; here what was
-// computed is looked at: numbers, and not zeros throughout; some say what single results are to be (Prepared::error).
+// paper's size unless its name says otherwise. Before that the operation's case of the self-test compares it with a
+// reference on the host; what was computed at this size has to be numbers, and not zeros throughout; some say what
+// single results are to be (Prepared::error).
 // It costs what its launches say.
 #pragma once
 #include <functional>

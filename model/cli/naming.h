@@ -1,4 +1,5 @@
-// Puts the path of a file before an error about its contents: the library has only a handle, read earlier, without a name.
+// Puts the path of a file before an error about its contents: the library has only a handle, read earlier, without a
+// name.
 #pragma once
 #include <string>
 #include <vector>

@@ -30,7 +30,14 @@ double largest_error(const float* got, const double* want, std::size_t count, st
 
 }  // namespace
 
-Checks::Checks(Context& context, bool quick_one) : ctx(context), quick(quick_one) { ctx.collect(noted_); }
+Checks::Checks(Context& context, Sizes sizes) : ctx(context), quick(sizes == Sizes::quick), all(sizes == Sizes::all) {
+  ctx.collect(noted_);
+}
+
+Checks::~Checks() {
+  static NotedKernels& unread = *new NotedKernels;
+  ctx.collect(unread);
+}
 
 void Checks::run(const std::string& name, const std::function<void(Checks&)>& work) {
   name_ = name;
@@ -106,6 +113,7 @@ void Checks::that(const char* what, bool right, double error, double tolerance) 
 void Checks::compare(const std::vector<float>& got, const std::vector<double>& want, double tolerance) {
   const double error = got.size() == want.size() ? largest_error(got.data(), want.data(), want.size(), 1) : INFINITY;
   ends(error, tolerance, error <= tolerance);
+  findings_.back().zeros = std::all_of(want.begin(), want.end(), [](double v) { return v == 0; });
 }
 
 void Checks::compare_columns(const std::vector<float>& got, std::size_t columns, const std::vector<double>& want,

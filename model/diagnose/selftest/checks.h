@@ -22,19 +22,24 @@ struct Finding {
   double error = 0;  // largest difference relative to the largest value; infinite if values are not finite
   double tolerance = 0;
   bool right = true;
+  bool zeros = false;   // all expected floats are 0
   std::string trouble;  // other problems: an error of the device, or different bits in the second run
 };
 
-// A case runs twice; the second run must give the same bits. The context must outlive the checks and is used for
-// nothing else.
+// How many of a case's sizes are run: some of them, those of a self-test, or also those of the tests.
+enum class Sizes { quick, selftest, all };
+
+// A case runs twice; the second run must give the same bits. The context must outlive the checks and is meanwhile used
+// for nothing else.
 class Checks {
  public:
-  Checks(Context& context, bool quick);
+  Checks(Context& context, Sizes sizes);
+  ~Checks();
   Checks(const Checks&) = delete;
   Checks& operator=(const Checks&) = delete;
 
   Context& ctx;
-  const bool quick;
+  const bool quick, all;  // the sizes
 
   // Runs the case twice. Errors that may be the device's fault become findings; others are thrown
   // (tells_of_the_device()).
@@ -75,17 +80,21 @@ class Checks {
   // not checked by themselves.
   void keep();
 
-  // All of these sizes, or in a quick test a subset: the first, every third and the last.
+  // All of these sizes, or in a quick test a subset: the first, every third and the last. `more`: only in the tests.
   template <class T>
-  std::vector<T> some(std::initializer_list<T> all) const {
+  std::vector<T> some(std::initializer_list<T> sizes, std::initializer_list<T> more = {}) const {
     std::vector<T> out;
     std::size_t i = 0;
-    for (const T& one : all) {
-      if (!quick || i % 3 == 0 || i + 1 == all.size()) out.push_back(one);
+    for (const T& one : sizes) {
+      if (!quick || i % 3 == 0 || i + 1 == sizes.size()) out.push_back(one);
       ++i;
     }
+    if (all) out.insert(out.end(), more.begin(), more.end());
     return out;
   }
+
+  // What is allowed of any device; and of those that the tests run on.
+  double within(double any, double tested) const { return all ? tested : any; }
 
   Tensor up(const Shape& shape, const std::vector<float>& x) { return ctx.upload(shape, x); }
   Tensor up(const Shape& shape, const std::vector<int>& x) { return ctx.upload(shape, x, Type::i32); }

@@ -102,7 +102,7 @@ class Runner {
         ++out.ends;
         continue;
       }
-      Checks checks(ctx, options_.quick);
+      Checks checks(ctx, options_.quick ? Sizes::quick : Sizes::selftest);
       checks.run(one.name, one.run);
       bool right = true;
       for (const Finding& f : checks.findings()) right = right && f.right;

@@ -6,8 +6,13 @@
 #include "model/diagnose/selftest/inputs/random_values.h"
 #include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "model/diagnose/selftest/reference/differences.h"
+#include "model/ops/render/project_surfels.h"
 
 namespace vsplat::selftest {
+
+inline SurfelRevision revision_of(const ref::SurfelOptions& o) {
+  return o.current ? SurfelRevision::current : SurfelRevision::lara;
+}
 
 constexpr std::size_t kSurfelNumbers = 20;  // of a record, and of a row
 

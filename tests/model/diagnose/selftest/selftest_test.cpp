@@ -98,7 +98,7 @@ VSPLAT_FLAVOURS(SelftestChecks);
 TEST_P(SelftestChecks, FindWhatIsWrong) {
   const auto one = [&](const std::function<void(selftest::Checks&)>& work) {
     const auto own = test::open_context(GetParam());
-    selftest::Checks c(*own, true);
+    selftest::Checks c(*own, selftest::Sizes::quick);
     c.run("case", work);
     EXPECT_EQ(c.findings().size(), 1u);
     return c.findings().at(0);
@@ -121,7 +121,7 @@ TEST_P(SelftestChecks, FindWhatIsWrong) {
 // Temporary conditions, such as a lack of memory or disk space, are no fault of the device: they end the self-test.
 TEST(SelftestErrors, ThatTellNothingOfTheDeviceEndIt) {
   const auto own = test::open_context(Flavour::cpu);
-  selftest::Checks c(*own, true);
+  selftest::Checks c(*own, selftest::Sizes::quick);
   for (const Status status : {Status::memory, Status::file, Status::usage, Status::busy, Status::cancelled}) {
     try {
       c.run("case", [&](auto&) { throw Error(status, "no room"); });

@@ -1,29 +1,14 @@
 #include "model/ops/dense/add_columns.h"
 
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class AddColumnsOp : public test::FlavourTest {};
 VSPLAT_FLAVOURS(AddColumnsOp);
-
-// One rounding each: the bits are known.
-TEST_P(AddColumnsOp, AddsToItsColumnsAndNoOthers) {
-  for (const long r : {0L, 1L, 3L, 7L, 101L})
-    for (const long c : {1L, 3L, 16L, 31L, 32L, 33L, 65L})
-      for (const auto& [before, after] : {std::pair{0L, 0L}, {0L, 5L}, {c, 0L}, {2L, 3L}}) {
-        const long w = before + c + after;
-        const std::vector<float> x = test::random_floats(static_cast<std::size_t>(r * c), 1);
-        std::vector<float> want = test::random_floats(static_cast<std::size_t>(r * w), 2);
-        const Tensor out = ctx().upload({r, w}, want);
-        for (long i = 0; i < r * c; ++i)
-          want[static_cast<std::size_t>((i / c) * w + before + i % c)] += x[static_cast<std::size_t>(i)];
-        add_columns(ctx(), {ctx().upload({r, c}, x), out, before});
-        EXPECT_EQ(ctx().read<float>(out), want) << r << " x " << c << " to " << w << " from " << before;
-      }
-}
+VSPLAT_OPERATION(AddColumnsOp, add_columns)
 
 TEST_P(AddColumnsOp, SomeColumnsOfWhatIsAdded) {
   const long r = 7;

@@ -1,13 +1,12 @@
 #include "model/ops/dense/conv3d.h"
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "model/ops/volume/sparse_conv.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
 #include "tests/support/counted.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -46,41 +45,7 @@ class Conv3dTest : public ::testing::TestWithParam<Way> {
   // float32 sums of 27 Cin products, up to some 2000, err by about 1e-7 of the largest times the square root of that;
   // Winograd's transforms triple it.
   double tolerance() const { return GetParam().method == ConvMethod::winograd ? 2e-5 : 1e-5; }
-
-  void expect_matches(const ConvTry& t) {
-    SCOPED_TRACE(fmt::format("{}x{}x{} {}+{} -> {} affine {} silu {} bias {} residual {}", t.size[0], t.size[1],
-                             t.size[2], t.cin, t.c1, t.cout, t.affine, t.silu, t.bias, t.residual));
-    const ref::ConvCase c = make_conv_case(t);
-    const auto d = upload(ctx(), c);
-    conv3d_forward(ctx(), d->c);
-    EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
-  }
 };
-
-TEST_P(Conv3dTest, EverySizeMatchesReference) {
-  for (const long z : {1, 2, 4, 5, 10, 11, 12, 13, 24, 25}) expect_matches({{3, 2, z}, 3, 5});
-  for (const long x : {1, 2, 3, 7})
-    for (const long y : {1, 2, 5}) expect_matches({{x, y, 4}, 3, 5});
-  for (const long cin : {1, 7, 16, 17, 33})
-    for (const long cout : {1, 15, 16, 31, 32, 33, 34, 65}) expect_matches({{3, 3, 5}, cin, cout});
-}
-
-// Enough tiles of 128 x 128 for the gpu flavour to take those, two for each unit.
-TEST_P(Conv3dTest, LargeTilesMatchReference) {
-  expect_matches({{2L * ctx().device().compute_units + 1, 8, 16}, 3, 66});
-}
-
-TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
-  for (const long c1 : {0L, 5L, 16L})
-    for (const bool affine : {false, true})
-      for (const bool silu : {false, true}) {
-        ConvTry t{{4, 3, 13}, 16, 20, c1};
-        t.affine = affine, t.silu = silu;
-        expect_matches(t);
-        t.bias = false, t.residual = true;
-        expect_matches(t);
-      }
-}
 
 // More planes than are packed at a time, so that the ring of planes goes round.
 TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
@@ -105,26 +70,6 @@ TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
   EXPECT_TRUE(test::close(some, want, tolerance()));
 }
 
-// Weights packed on the device are those packed on the host; only Winograd's are computed, in float rather than double.
-TEST_P(Conv3dTest, PacksTheSameOnTheDevice) {
-  for (const auto& [cin, cout] : {std::pair{1L, 1L}, {7L, 5L}, {17L, 32L}, {5L, 33L}}) {
-    const ref::ConvCase c = make_conv_case({{1, 1, 1}, cin, cout});
-    const ConvMethod method = GetParam().method;
-    const ConvWeights host = pack_conv3d(ctx(), c.w.data(), c.bias.data(), cout, cin, "weight", method);
-    const ConvWeights device = pack_conv3d(ctx(), ctx().upload({cout, cin, 3, 3, 3}, c.w), host.bias, "weight", method);
-    const auto got = ctx().read<float>(device.w.data), want = ctx().read<float>(host.w.data);
-    if (method == ConvMethod::winograd)
-      EXPECT_TRUE(test::close(got, want, 1e-6)) << cin << " " << cout;
-    else
-      EXPECT_EQ(got, want) << cin << " " << cout;
-    EXPECT_EQ(device.w.k, host.w.k);
-    EXPECT_EQ(device.w.n, host.w.n);
-    EXPECT_EQ(device.cin, cin);
-    EXPECT_EQ(device.cout, cout);
-    EXPECT_EQ(ctx().read<float>(device.bias), c.bias);
-  }
-}
-
 TEST_P(Conv3dTest, RejectsWeightsOfAnotherShape) {
   for (const Shape& shape : {Shape{4, 5, 27}, Shape{4, 5, 3, 3, 2}, Shape{4, 5, 2, 2, 2}})
     EXPECT_THROW(pack_conv3d(ctx(), ctx().tensor(shape), Tensor(), "weight", GetParam().method), Error);
@@ -145,30 +90,6 @@ TEST_P(Conv3dTest, EmptyIsNothing) {
   const auto d = upload(ctx(), c);
   conv3d_forward(ctx(), d->c);
   EXPECT_EQ(ctx().read<float>(d->c.out).size(), 0u);
-}
-
-TEST_P(Conv3dTest, DownMatchesReference) {
-  for (const std::array<long, 3>& size : {std::array<long, 3>{2, 2, 2}, {4, 6, 8}, {5, 3, 7}, {1, 4, 4}})
-    for (const long cin : {1L, 17L}) {
-      ConvTry t{size, cin, 33};
-      t.affine = t.silu = cin > 1;
-      const ref::ConvCase c = make_conv_case(t, 2);
-      const auto out = c.out_size();
-      const long rows = out[0] * out[1] * out[2];
-      Conv3dDownForward d;
-      const ConvWeights weights = pack_conv3d_down(ctx(), c.w.data(), c.bias.data(), c.cout, cin, "weight");
-      d.weights = &weights;
-      d.in = upload_rows(ctx(), c.in);
-      d.in.map = conv3d_down_map(ctx(), size[0], size[1], size[2]);
-      d.out = ctx().upload({rows, c.cout}, test::nans(static_cast<std::size_t>(rows * c.cout)));
-      conv3d_down_forward(ctx(), d);
-      EXPECT_TRUE(test::close(ctx().read<float>(d.out), c.all(), tolerance()));
-      const ConvWeights on_device =
-          pack_conv3d_down(ctx(), ctx().upload({c.cout, cin, 2, 2, 2}, c.w), weights.bias, "weight");
-      EXPECT_EQ(ctx().read<float>(on_device.w.data), ctx().read<float>(weights.w.data));
-      EXPECT_EQ(on_device.cin, cin);
-      EXPECT_EQ(on_device.cout, c.cout);
-    }
 }
 
 // A submanifold convolution over all voxels of a volume is the dense one.
@@ -207,18 +128,6 @@ TEST_P(Conv3dTest, ProfilesTellTheDirectOperationsAndThosePerformed) {
   EXPECT_DOUBLE_EQ(row.performed_flops, row.flops / (GetParam().method == ConvMethod::winograd ? 4 : 1));
 }
 
-TEST_P(Conv3dTest, SameBitsTwice) {
-  ConvTry t{{5, 6, 13}, 20, 40, 12};
-  t.affine = t.silu = t.residual = true;
-  const ref::ConvCase c = make_conv_case(t);
-  const auto d = upload(ctx(), c);
-  conv3d_forward(ctx(), d->c);
-  const auto first = ctx().read<float>(d->c.out);
-  ctx().write(d->c.out, test::nans(first.size()).data());
-  conv3d_forward(ctx(), d->c);
-  EXPECT_EQ(ctx().read<float>(d->c.out), first);
-}
-
 TEST_P(Conv3dTest, PlanTakesTheSameMemory) {
   const ref::ConvCase c = make_conv_case({{11, 40, 12}, 40, 6});
   const auto own = test::open_context(GetParam().flavour);
@@ -244,6 +153,10 @@ TEST_P(Conv3dTest, RejectsBadShapes) {
   rejects([&](Conv3dForward& b) { b.out = ctx().tensor({59, 7}); });
   rejects([](Conv3dForward& b) { b.out = Tensor(); });
 }
+
+class Conv3d : public test::FlavourTest {};
+VSPLAT_FLAVOURS(Conv3d);
+VSPLAT_OPERATION(Conv3d, conv3d)
 
 INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dTest, test::conv_ways(), test::name_of_way);
 

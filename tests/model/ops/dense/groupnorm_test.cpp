@@ -6,7 +6,7 @@
 
 #include "model/diagnose/selftest/reference/groupnorm.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -37,25 +37,7 @@ class GroupNorm : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(GroupNorm);
-
-TEST_P(GroupNorm, MatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const long n : {1L, 3L, 7L, 8L, 9L, 31L, 33L, 101L, 517L}) {
-    for (const auto& [c, g] : {std::pair{1L, 1}, {6L, 3}, {16L, 4}, {17L, 1}, {66L, 11}}) {
-      check(test::random_floats(static_cast<std::size_t>(n * c), static_cast<std::uint32_t>(n * 100 + c)), n, c, 0, g,
-            1e-5);
-    }
-  }
-}
-
-TEST_P(GroupNorm, ManyChunks) { check(test::random_floats(40000 * 5, 3, -1.0f, 3.0f), 40000, 5, 0, 5, 1e-5); }
-
-TEST_P(GroupNorm, TwoSourcesWithAGroupAcrossBoth) {
-  for (const long n : {1L, 50L, 700L}) {
-    check(test::random_floats(static_cast<std::size_t>(n * 60), 9), n, 20, 40, 4,
-          1e-5);  // the second group is channels 15 to 29
-    check(test::random_floats(static_cast<std::size_t>(n * 24), 9), n, 23, 1, 3, 1e-5);
-  }
-}
+VSPLAT_OPERATION(GroupNorm, groupnorm)
 
 // float32 itself keeps x to 300 * 6e-8 of the deviation; the sum of squares minus the squared sum would lose 300^2
 // times as much.
@@ -74,23 +56,6 @@ TEST_P(GroupNorm, FirstRowAndChannelsUnlikeTheRest) {
   for (std::size_t i = 0; i < x.size(); ++i)
     x[i] += i < static_cast<std::size_t>(c) ? 0.0f : 5.0f + 0.5f * static_cast<float>(i % c);
   check(x, n, c, 0, 2, 1e-4);
-}
-
-TEST_P(GroupNorm, IsDeterministic) {
-  const std::vector<float> x = test::random_floats(999 * 32, 4);
-  GroupNormForward f;
-  f.x0 = ctx().upload({999, 32}, x);
-  f.gamma = ctx().upload({32}, test::random_floats(32, 1));
-  f.beta = ctx().upload({32}, test::random_floats(32, 2));
-  f.groups = 4;
-  std::vector<std::vector<float>> seen;
-  for (int i = 0; i < 3; ++i) {
-    f.scale = ctx().tensor({32});
-    f.shift = ctx().tensor({32});
-    groupnorm_forward(ctx(), f);
-    seen.push_back(ctx().read<float>(f.scale));
-    EXPECT_EQ(seen.back(), seen.front());
-  }
 }
 
 TEST_P(GroupNorm, EmptyInput) {
@@ -221,23 +186,6 @@ class GroupNormGradient : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(GroupNormGradient);
-
-TEST_P(GroupNormGradient, MatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const long n : {1L, 3L, 7L, 8L, 9L, 31L, 33L, 101L, 517L}) {
-    for (const auto& [c, g] : {std::pair{6L, 1}, {6L, 3}, {16L, 4}, {17L, 1}, {66L, 11}}) {
-      // With two numbers only rounding is left: the whole gradient is along their mean and their difference.
-      if (n * c / g > 2) check(make(n, c, 0, g));
-    }
-  }
-  check(make(40000, 5, 0, 1));
-}
-
-TEST_P(GroupNormGradient, TwoSourcesWithAGroupAcrossBoth) {
-  for (const long n : {1L, 50L, 700L}) {
-    check(make(n, 20, 40, 4));
-    check(make(n, 23, 1, 3));
-  }
-}
 
 // With one or two numbers, the output depends on them only through eps.
 TEST_P(GroupNormGradient, FewerNumbersThanDegreesOfFreedomHaveNoGradient) {

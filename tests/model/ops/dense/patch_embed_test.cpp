@@ -1,59 +1,15 @@
 #include "model/ops/dense/patch_embed.h"
 
-#include <fmt/format.h>
-
 #include "model/diagnose/selftest/reference/patch_embed.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
-struct PatchEmbedCase {
-  ref::PatchSizes z;
-  std::size_t c;
-};
-
-// Then: with registers and no positions, wide and high.
-const PatchEmbedCase kPatchEmbedSizes[] = {
-    {{1, 1, 1, 1}, 1},    {{2, 6, 6, 3}, 7},    {{3, 21, 21, 7}, 12},         {{1, 48, 48, 16}, 33},
-    {{2, 34, 34, 17}, 5}, {{4, 36, 36, 3}, 65}, {{2, 6, 10, 2, 5, false}, 7}, {{1, 10, 4, 2, 3}, 5},
-    {{1, 3, 6, 3, 0}, 6}};
-
-std::string patch_embed_text(const ref::PatchSizes& z, std::size_t c) {
-  return fmt::format("{} pictures of {} x {}, patches of {}, {} tokens before them, {} channels", z.v, z.width,
-                     z.height, z.p, z.prefix, c);
-}
-Shape shape_of_pictures(const ref::PatchSizes& z) {
-  return {static_cast<long>(z.v), static_cast<long>(z.height), static_cast<long>(z.width), 3};
-}
-Shape shape_of_tokens(const ref::PatchSizes& z, std::size_t c) {
-  return {static_cast<long>(z.v), static_cast<long>(z.tokens()), static_cast<long>(c)};
-}
-
 class PatchEmbed : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PatchEmbed);
-
-TEST_P(PatchEmbed, MatchesTheConvolution) {
-  for (const auto& [z, c] : kPatchEmbedSizes) {
-    SCOPED_TRACE(patch_embed_text(z, c));
-    const std::size_t k = 3 * z.p * z.p;
-    const auto images = test::random_floats(z.v * z.height * z.width * 3, 1, 0, 1);
-    const auto weight = test::random_floats(c * k, 2);
-    const auto bias = test::random_floats(c, 3);
-    const auto position = test::random_floats(z.rows() * c, 4, -5, 5);
-    const long channels = static_cast<long>(c), inner = static_cast<long>(k);
-    const PackedMatrix packed = pack_matrix(ctx(), weight.data(), inner, channels, 1, inner, "weight");
-    PatchEmbedForward a{ctx().upload(shape_of_pictures(z), images),
-                        static_cast<int>(z.p),
-                        &packed,
-                        ctx().upload({channels}, bias),
-                        ctx().upload({static_cast<long>(z.rows()), channels}, position),
-                        ctx().upload(shape_of_tokens(z, c), test::nans(z.v * z.tokens() * c))};
-    patch_embed_forward(ctx(), a);
-    EXPECT_TRUE(test::close(ctx().read<float>(a.out), ref::patch_embed(images, z, weight, bias, position), 1e-5));
-  }
-}
+VSPLAT_OPERATION(PatchEmbed, patch_embed)
 
 TEST_P(PatchEmbed, RejectsBadShape) {
   const std::vector<float> weight(12 * 5, 1.0f);
@@ -103,29 +59,6 @@ TEST(PatchEmbedReference, GradientsAreThoseOfDifferences) {
 
 class PatchEmbedGradient : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PatchEmbedGradient);
-
-TEST_P(PatchEmbedGradient, MatchesReference) {
-  for (const auto& [z, c] : kPatchEmbedSizes) {
-    SCOPED_TRACE(patch_embed_text(z, c));
-    const auto images = test::random_floats(z.v * z.height * z.width * 3, 1, 0, 1);
-    const auto dtokens = test::random_floats(z.v * z.tokens() * c, 2);
-    const auto some_weight = test::random_floats(c * 3 * z.p * z.p, 3), some_bias = test::random_floats(c, 4);
-    const long channels = static_cast<long>(c), p = static_cast<long>(z.p);
-    const PatchEmbedBackward a{ctx().upload(shape_of_pictures(z), images),
-                               static_cast<int>(z.p),
-                               ctx().upload(shape_of_tokens(z, c), dtokens),
-                               ctx().upload({channels, 3, p, p}, some_weight),
-                               ctx().upload({channels}, some_bias),
-                               ctx().upload({static_cast<long>(z.rows()), channels}, test::nans(z.rows() * c))};
-    patch_embed_backward(ctx(), a);
-    auto want = ref::patch_embed_backward(images, z, c, std::vector<double>(dtokens.begin(), dtokens.end()));
-    for (std::size_t i = 0; i < some_weight.size(); ++i) want.weight[i] += some_weight[i];
-    for (std::size_t i = 0; i < c; ++i) want.bias[i] += some_bias[i];
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dweight), want.weight, 1e-5));
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dbias), want.bias, 1e-5));
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dposition), want.position, 1e-6));
-  }
-}
 
 TEST_P(PatchEmbedGradient, OfNoPictureIsZero) {
   const auto some = test::random_floats(5 * 12, 1);

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/position_resample.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -22,20 +22,7 @@ class PositionResample : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(PositionResample);
-
-TEST_P(PositionResample, MatchesReferenceGrowingAndShrinking) {
-  for (const auto& [g, t] : {std::pair{1L, 3L}, {3L, 2L}, {4L, 6L}, {14L, 32L}, {14L, 5L}, {7L, 1L}, {16L, 17L}}) {
-    const std::size_t c = 5;
-    const auto stored = test::random_floats(static_cast<std::size_t>(1 + g * g) * c, 1);
-    const auto class_token = test::random_floats(c, 2);
-    std::vector<double> want;
-    for (std::size_t i = 0; i < c; ++i) want.push_back(static_cast<double>(stored[i]) + class_token[i]);
-    const std::vector<float> grid(stored.begin() + c, stored.end());
-    const auto rest = ref::resample(grid, static_cast<std::size_t>(g), static_cast<std::size_t>(t), c);
-    want.insert(want.end(), rest.begin(), rest.end());
-    EXPECT_TRUE(test::close(run(stored, class_token, g, t), want, 2e-6)) << g << " to " << t;
-  }
-}
+VSPLAT_OPERATION(PositionResample, position_resample)
 
 TEST_P(PositionResample, EqualGridsAreLeftAlone) {
   const auto stored = test::random_floats(50 * 67, 3);
@@ -91,24 +78,6 @@ class PositionResampleGradient : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(PositionResampleGradient);
-
-TEST_P(PositionResampleGradient, MatchesReferenceGrowingAndShrinking) {
-  for (const auto& [g, t] : {std::pair{1L, 3L}, {3L, 2L}, {4L, 6L}, {14L, 32L}, {14L, 5L}, {7L, 1L}, {16L, 17L}}) {
-    const std::size_t c = 5, from = static_cast<std::size_t>(g), to = static_cast<std::size_t>(t);
-    const auto dout = test::random_floats((1 + to * to) * c, 1);
-    auto stored = test::random_floats((1 + from * from) * c, 2), class_token = test::random_floats(c, 3);
-    std::vector<double> want, want_class;
-    for (std::size_t i = 0; i < c; ++i) {
-      want.push_back(static_cast<double>(dout[i]) + stored[i]);
-      want_class.push_back(static_cast<double>(dout[i]) + class_token[i]);
-    }
-    const auto rest = ref::resample_backward(std::vector<double>(dout.begin() + c, dout.end()), from, to, c);
-    for (std::size_t i = 0; i < rest.size(); ++i) want.push_back(rest[i] + stored[c + i]);
-    run(dout, stored, class_token, g, t);
-    EXPECT_TRUE(test::close(stored, want, 2e-6)) << g << " to " << t;
-    EXPECT_TRUE(test::close(class_token, want_class, 2e-7)) << g << " to " << t;
-  }
-}
 
 TEST_P(PositionResampleGradient, OfEqualGridsIsLeftAlone) {
   const auto dout = test::random_floats(50 * 67, 3);

@@ -4,7 +4,7 @@
 
 #include "model/diagnose/selftest/reference/rope.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -56,25 +56,7 @@ TEST(RopeTurns, PeriodsAreRoundedToBfloat16) {
 
 class Rope : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Rope);
-
-TEST_P(Rope, MatchesReferenceAndIsTurnedBack) {
-  for (const RopeSize& z : kRopeSizes) {
-    SCOPED_TRACE(z.text());
-    const auto qkv = test::random_floats(z.values(), 1);
-    const auto turns = rope_turns(static_cast<long>(z.h), static_cast<long>(z.w), static_cast<long>(z.d), 100, false);
-    const Tensor table = ctx().upload({static_cast<long>(z.h * z.w), static_cast<long>(z.d / 2), 2}, turns);
-    const Tensor x = ctx().upload(z.shape(), qkv);
-    rope_forward(ctx(), {x, table});
-    const auto angles = ref::rope_angles(z.h, z.w, z.d, 100);
-    EXPECT_TRUE(test::close(ctx().read<float>(x), ref::rope(qkv, z.v, z.tokens(), z.heads, z.d, angles, 1), 1e-6));
-    // A turn is orthogonal: its derivative's transpose is the turn back.
-    rope_backward(ctx(), {x, table});
-    EXPECT_TRUE(test::close(ctx().read<float>(x), qkv, 1e-6));
-    ctx().write(x, qkv.data());
-    rope_backward(ctx(), {x, table});
-    EXPECT_TRUE(test::close(ctx().read<float>(x), ref::rope(qkv, z.v, z.tokens(), z.heads, z.d, angles, -1), 1e-6));
-  }
-}
+VSPLAT_OPERATION(Rope, rope)
 
 // The reference's backward is that of differences: sum(dy f(x)) is linear in x.
 TEST(RopeReference, BackIsTheGradient) {

@@ -6,7 +6,7 @@
 
 #include "model/diagnose/selftest/reference/adamw.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -26,31 +26,7 @@ class Adamw : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Adamw);
-
-// A rate so high that the steps are as large as the weights: float's rounding of the weights hides nothing of them.
-TEST_P(Adamw, StepsMatchReferenceAtEverySizeThatBreaksThings) {
-  for (const std::size_t n : {1U, 3U, 7U, 63U, 64U, 65U, 1009U}) {
-    const auto seed = static_cast<std::uint32_t>(n);
-    const auto start = test::random_floats(n, seed);
-    AdamwStep a{upload(start), {}, zeros(n), zeros(n), upload({7.0f, 0.25f})};
-    a.lr = 0.1, a.weight_decay = 0.5;
-    auto param = test::as_doubles(start);
-    std::vector<double> m(n), v(n);
-    for (a.step = 1; a.step <= 5; ++a.step) {
-      // Over many magnitudes, down to where eps counts.
-      auto grad = test::random_floats(n, seed + static_cast<std::uint32_t>(a.step), -1e-6f, 1e-6f);
-      for (std::size_t i = 0; i < n; i += 2) grad[i] *= 1e6f;
-      a.grad = upload(grad);
-      adamw_step(ctx(), a);
-      auto clipped = test::as_doubles(grad);
-      for (double& g : clipped) g *= 0.25;
-      ref::adamw({a.lr, a.beta1, a.beta2, a.eps, a.weight_decay}, a.step, clipped, param, m, v);
-      EXPECT_TRUE(test::close(ctx().read<float>(a.param), param, 1e-6)) << n << ", step " << a.step;
-      EXPECT_TRUE(test::close(ctx().read<float>(a.m), m, 1e-6)) << n << ", step " << a.step;
-      EXPECT_TRUE(test::close(ctx().read<float>(a.v), v, 1e-6)) << n << ", step " << a.step;
-    }
-  }
-}
+VSPLAT_OPERATION(Adamw, adamw)
 
 // torch.optim.AdamW (PyTorch 1.13, float64; decay 0.05 on the first three, 0 on the last; lr = 0.1 * step) after
 // clip_grad_norm_(parameters, 0.5).
@@ -101,17 +77,6 @@ TEST_P(Adamw, SmallDecayIsNotRounded) {
   const auto got = ctx().read<float>(a.param);
   for (std::size_t i = 0; i < got.size(); ++i)
     EXPECT_NEAR(static_cast<double>(got[i]) / static_cast<double>(start[i]), std::pow(1 - 2e-5, 1000), 3e-6) << i;
-}
-
-TEST_P(Adamw, NormMatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const std::size_t n : {0U, 1U, 3U, 64U, 2047U, 2048U, 2049U, 4099U}) {
-    const std::vector<std::vector<float>> grads = {test::random_floats(5, 1), test::random_floats(n, 2),
-                                                   test::random_floats(3, 3, -20, 20)};
-    const double norm = ref::norm(grads);
-    const auto got = clip(grads);
-    EXPECT_NEAR(got[0], norm, 1e-6 * norm) << n;
-    EXPECT_NEAR(got[1], ref::clip_factor(norm, 0.5), 1e-6 * ref::clip_factor(norm, 0.5)) << n;
-  }
 }
 
 // All of one sign and nearly equal, where a running sum in float would be off by a tenth of a percent and more.
@@ -169,17 +134,6 @@ TEST_P(Adamw, NoGradientsAtAll) {
   const Tensor none = ctx().tensor({0, 3});
   adamw_step(ctx(), {none, none, none, none, {}});
   average_step(ctx(), none, none, 0.9);
-}
-
-TEST_P(Adamw, AverageMovesTowardsWeights) {
-  const auto start = test::random_floats(101, 7), param = test::random_floats(101, 8);
-  const Tensor average = upload(start), weights = upload(param);
-  std::vector<double> want = test::as_doubles(start);
-  for (int s = 0; s < 3; ++s) {
-    average_step(ctx(), average, weights, 0.875);
-    for (std::size_t i = 0; i < want.size(); ++i) want[i] = 0.875 * want[i] + 0.125 * static_cast<double>(param[i]);
-  }
-  EXPECT_TRUE(test::close(ctx().read<float>(average), want, 1e-6));
 }
 
 TEST_P(Adamw, RejectsWhatDoesNotFit) {

@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/loss.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -81,14 +81,7 @@ class Loss : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(Loss);
-
-TEST_P(Loss, MatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const auto& [n, h, w] :
-       {std::array<long, 3>{1, 11, 11}, {1, 11, 12}, {2, 12, 11}, {1, 13, 31}, {3, 21, 22}, {1, 33, 32}, {1, 11, 75}}) {
-    const auto target = test::random_floats(static_cast<std::size_t>(n * h * w * 3), 1, 0, 1);
-    check(noisy(target, 0.3f, 2), target, h, w, static_cast<std::size_t>(n * h * w / 60));
-  }
-}
+VSPLAT_OPERATION(Loss, loss)
 
 TEST_P(Loss, MatchesReferenceOnSmoothPictures) {
   const auto target = smooth(2, 40, 36);
@@ -106,22 +99,6 @@ TEST_P(Loss, MatchesReferenceAtManyScales) {
   check(noisy(target, 0.3f, 7), target, 160, 170, 9001);
 }
 
-TEST_P(Loss, WeightOfZeroIsMeanSquaredError) {
-  const auto target = test::random_floats(12 * 14 * 3, 8, 0, 1);
-  check(noisy(target, 0.3f, 9), target, 12, 14, 7, 0.0f);
-}
-
-TEST_P(Loss, AbsoluteErrorMatchesReference) {
-  for (const auto& [n, h, w] : {std::array<long, 3>{1, 11, 11}, {2, 12, 11}, {3, 21, 22}, {1, 33, 75}}) {
-    const auto target = test::random_floats(static_cast<std::size_t>(n * h * w * 3), 12, 0, 1);
-    check(apart(noisy(target, 0.3f, 13), target), target, h, w, static_cast<std::size_t>(n * h * w / 60), 0.2f,
-          {ErrorKind::absolute, SimilarityKind::automatic});
-  }
-  const auto target = smooth(1, 161, 163);  // with five scales
-  check(apart(noisy(target, 0.4f, 14), target), target, 161, 163, 6007, 0.2f,
-        {ErrorKind::absolute, SimilarityKind::automatic});
-}
-
 // Where it would be MS-SSIM otherwise, which is another number.
 TEST_P(Loss, SingleScaleMatchesReferenceOnLargePictures) {
   const auto target = smooth(2, 167, 180);
@@ -132,17 +109,6 @@ TEST_P(Loss, SingleScaleMatchesReferenceOnLargePictures) {
   EXPECT_GT(
       std::abs(run(pictures, target, 167, 180, 0.5f, {ErrorKind::squared, SimilarityKind::single_scale}).out[2] - many),
       0.05f);
-}
-
-// Which pictures smaller than a window have, too. The weight of what is not there is ignored.
-TEST_P(Loss, ErrorAloneMatchesReferenceAtEverySize) {
-  for (const auto& [n, h, w] :
-       {std::array<long, 3>{1, 1, 1}, {1, 1, 10}, {2, 7, 3}, {1, 10, 11}, {3, 21, 22}, {1, 64, 64}, {1, 161, 162}}) {
-    const auto target = test::random_floats(static_cast<std::size_t>(n * h * w * 3), 16, 0, 1);
-    for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
-      check(apart(noisy(target, 0.3f, 17), target), target, h, w, static_cast<std::size_t>(n * h * w / 60 + 1), 0.5f,
-            {error, SimilarityKind::none});
-  }
 }
 
 // loss() of the PyTorch specification and autograd, in float64.

@@ -2,9 +2,8 @@
 
 #include <Eigen/Dense>
 
-#include "model/diagnose/selftest/reference/muon.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -32,32 +31,7 @@ class Muon : public test::FlavourTest {
   std::vector<float> values(const Tensor& t) { return ctx().read<float>(t); }
 };
 VSPLAT_FLAVOURS(Muon);
-
-// A rate so high that the steps are as large as the weights: float's rounding of the weights hides nothing of them.
-TEST_P(Muon, StepsMatchReferenceAtEverySizeThatBreaksThings) {
-  for (const auto& [n, k] : {std::pair{1L, 1L},
-                             {1L, 7L},
-                             {7L, 1L},
-                             {3L, 3L},
-                             {31L, 32L},
-                             {33L, 32L},
-                             {13L, 101L},
-                             {101L, 13L},
-                             {64L, 65L},
-                             {65L, 129L}}) {
-    const auto seed = static_cast<std::uint32_t>(n * 1000 + k);
-    MuonStep a{random(n, k, seed), {}, zeros(n, k), ctx().upload({2}, std::vector<float>{7.0f, 0.25f})};
-    a.lr = 0.1, a.weight_decay = 0.5;
-    Eigen::MatrixXd param = matrix(values(a.param), n), m = Eigen::MatrixXd::Zero(n, k);
-    for (std::uint32_t step = 1; step <= 3; ++step) {
-      a.grad = random(n, k, seed + step);
-      muon_step(ctx(), a);
-      ref::muon({a.lr, a.momentum, a.weight_decay}, 0.25 * matrix(values(a.grad), n), param, m);
-      EXPECT_TRUE(test::close(values(a.param), by_rows(param), 2e-5)) << n << " x " << k << ", step " << step;
-      EXPECT_TRUE(test::close(values(a.m), by_rows(m), 1e-6)) << n << " x " << k << ", step " << step;
-    }
-  }
-}
+VSPLAT_OPERATION(Muon, muon)
 
 // What it is for: directions that the gradient hardly has are moved along as far as those that it has most.
 TEST_P(Muon, MovesEveryDirectionAsFar) {

@@ -2,10 +2,9 @@
 
 #include <algorithm>
 
-#include "model/diagnose/selftest/reference/picture_target.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -51,38 +50,9 @@ class PictureTargetOp : public test::FlavourTest {
     a.dalpha = ctx().upload({h, w}, test::nans(count));
     return a;
   }
-
-  void check(const Pixels& p, long h, long w) {
-    PictureTarget a = upload(p, h, w, 0.3f);
-    picture_target(ctx(), a);
-    std::vector<double> target, dalpha;
-    for (std::size_t i = 0; i < p.alpha.size(); ++i) {
-      std::array<double, 3> background{}, drawn{};
-      for (std::size_t c = 0; c < 3; ++c) background[c] = kBackground[c], drawn[c] = p.colour[3 * i + c];
-      const auto want = ref::pixel_target(&p.given[4 * i], p.known.empty() || p.known[i] != 0, background, drawn,
-                                          p.alpha[i], 0.3f / static_cast<double>(h * w));
-      target.insert(target.end(), want.colour.begin(), want.colour.end());
-      dalpha.push_back(want.dalpha);
-    }
-    const auto got = ctx().read<float>(a.target);
-    EXPECT_TRUE(test::close(got, target, 1e-6, true)) << h << " x " << w;
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dalpha), dalpha, 1e-6, true)) << h << " x " << w;
-    a.dalpha = {};
-    a.target = ctx().upload({h, w, 3}, test::nans(target.size()));
-    picture_target(ctx(), a);
-    EXPECT_EQ(ctx().read<float>(a.target), got) << "without dalpha";
-  }
 };
 VSPLAT_FLAVOURS(PictureTargetOp);
-
-TEST_P(PictureTargetOp, MatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const auto& [h, w] : {std::array<long, 2>{0, 0}, {0, 5}, {1, 1}, {3, 1}, {7, 9}, {8, 8}, {5, 13}, {31, 37}}) {
-    Pixels p = some(h, w);
-    check(p, h, w);
-    p.known.clear();
-    check(p, h, w);
-  }
-}
+VSPLAT_OPERATION(PictureTargetOp, picture_target)
 
 // The gradient of what it says it is the gradient of: the mean over pixels, where they are known and off by more than
 // half a step.

@@ -2,89 +2,23 @@
 
 #include <array>
 
-#include "model/diagnose/selftest/reference/splat_adam.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class SplatAdamOp : public test::FlavourTest {
  protected:
-  // Five steps, at a rate so high that the rounding of the parameters hides nothing of them. `shape` is of one
-  // Gaussian's parameters.
-  void check(long count, Shape shape, SplatAdam a) {
-    shape.insert(shape.begin(), count);
-    long n = 1;
-    for (const long d : shape) n *= d;
-    const auto size = static_cast<std::size_t>(n), width = count > 0 ? size / static_cast<std::size_t>(count) : 1;
-    SCOPED_TRACE(::testing::Message() << count << " of " << width << ", head " << a.head);
-    const auto seed = static_cast<std::uint32_t>(n);
-    const auto start = test::random_floats(size, seed);
-    const std::vector<float> zeros(size, 0.0f);
-    a.param = ctx().upload(shape, start), a.m = ctx().upload(shape, zeros), a.v = ctx().upload(shape, zeros);
-    const ref::SplatAdam want{a.rate,
-                              a.rate_rest,
-                              a.beta1,
-                              a.beta2,
-                              a.eps,
-                              static_cast<double>(a.low),
-                              static_cast<double>(a.high),
-                              width,
-                              a.head > 0 ? static_cast<std::size_t>(a.head) : width};
-    auto param = test::as_doubles(start);
-    std::vector<double> m(size), v(size);
-    for (a.step = 1; a.step <= 5; ++a.step) {
-      // Over many magnitudes, down to where a larger eps counts.
-      auto grad = test::random_floats(size, seed + static_cast<std::uint32_t>(a.step), -1e-6f, 1e-6f);
-      for (std::size_t i = 0; i < size; i += 2) grad[i] *= 1e6f;
-      a.grad = ctx().upload(shape, grad);
-      splat_adam(ctx(), a);
-      ref::splat_adam(want, a.step, test::as_doubles(grad), param, m, v);
-      EXPECT_TRUE(test::close(ctx().read<float>(a.param), param, 2e-6)) << "step " << a.step;
-      EXPECT_TRUE(test::close(ctx().read<float>(a.m), m, 1e-6)) << "step " << a.step;
-      EXPECT_TRUE(test::close(ctx().read<float>(a.v), v, 1e-6)) << "step " << a.step;
-      EXPECT_EQ(ctx().read<float>(a.grad), zeros) << "step " << a.step;
-    }
-  }
-
-  SplatAdam with(double rate, long head = 0, double rest = 0) {
+  SplatAdam with(double rate) {
     SplatAdam a;
-    a.rate = rate, a.head = head, a.rate_rest = rest;
+    a.rate = rate;
     return a;
   }
 };
 VSPLAT_FLAVOURS(SplatAdamOp);
-
-TEST_P(SplatAdamOp, StepsMatchReferenceAtEverySizeThatBreaksThings) {
-  for (const long count : {0L, 1L, 3L, 7L, 63L, 64L, 65L, 1009L}) {
-    check(count, {}, with(0.1));
-    check(count, {3}, with(0.1));
-  }
-  SplatAdam other = with(0.1);
-  other.beta1 = 0.8, other.beta2 = 0.9, other.eps = 1e-7;
-  check(65, {3}, other);
-}
-
-// Spherical harmonics: the constant coefficient's three numbers, and the others, at a rate of their own or none.
-TEST_P(SplatAdamOp, TheHeadOfEachGaussianHasItsOwnRate) {
-  for (const long count : {1L, 7L, 64L, 1009L})
-    for (const long s : {1L, 4L, 16L}) {
-      check(count, {s, 3}, with(0.1, 3, 0.02));
-      check(count, {s, 3}, with(0.1, 3, 0));
-      check(count, {s, 3}, with(0, 3, 0.1));
-    }
-  check(65, {5}, with(0.1, 2, 0.3));
-}
-
-TEST_P(SplatAdamOp, HoldsParametersWithinLimits) {
-  SplatAdam a = with(0.1);
-  a.low = -0.5f, a.high = 0.25f;
-  check(1009, {3}, a);
-  a.low = -std::numeric_limits<float>::infinity();
-  check(65, {}, a);
-}
+VSPLAT_OPERATION(SplatAdamOp, splat_adam)
 
 // The first step is the rate, whatever the gradient's size; none where there is none.
 TEST_P(SplatAdamOp, FirstStepIsTheRate) {

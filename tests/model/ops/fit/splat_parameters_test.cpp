@@ -2,24 +2,12 @@
 
 #include <algorithm>
 
-#include "model/diagnose/selftest/reference/splat_parameters.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
-
-constexpr std::size_t kSizes[] = {0, 1, 3, 7, 63, 64, 65, 1009};
-
-// got / want, for what spans many magnitudes.
-::testing::AssertionResult close_each(const std::vector<float>& got, const std::vector<double>& want,
-                                      double tolerance) {
-  std::vector<double> ratios;
-  for (std::size_t i = 0; i < std::min(got.size(), want.size()); ++i)
-    ratios.push_back(want[i] == 0 ? (got[i] == 0 ? 1 : 2) : static_cast<double>(got[i]) / want[i]);
-  return test::close(ratios, std::vector<double>(want.size(), 1), tolerance);
-}
 
 class SplatParametersOp : public test::FlavourTest {
  protected:
@@ -36,80 +24,22 @@ class SplatParametersOp : public test::FlavourTest {
     x = {ctx().upload({n, 3}, means), ctx().upload({n, 3}, log_scales), ctx().upload({n, 4}, test::nans(4 * count)),
          ctx().upload({n}, logits), ctx().upload({n, 4, 3}, test::nans(12 * count))};
     drop = dropping;
-    left = {static_cast<double>(dropping.share), dropping.seed, dropping.draw};
-    reference = {test::as_doubles(means), test::as_doubles(log_scales), test::as_doubles(logits)};
   }
 
   std::vector<float> opacities() {
     const SplatParametersForward a{x, drop, ctx().upload({n, 3}, test::nans(static_cast<std::size_t>(3 * n))),
                                    ctx().upload({n}, test::nans(static_cast<std::size_t>(n)))};
     splat_parameters_forward(ctx(), a);
-    scales = ctx().read<float>(a.scales);
     return ctx().read<float>(a.opacities);
   }
 
-  void check_backward(std::size_t count, const Dropping& dropping, float opacity_weight, float scale_weight,
-                      float pull) {
-    make(count, dropping);
-    const auto seed = static_cast<std::uint32_t>(count);
-    const auto dmeans = test::random_floats(3 * count, seed + 4), dscales = test::random_floats(3 * count, seed + 5);
-    const auto dopacities = test::random_floats(count, seed + 6);
-    SplatParametersBackward a{
-        x, drop, {ctx().upload({n, 3}, dmeans), ctx().upload({n, 3}, dscales), {}, ctx().upload({n}, dopacities), {}}};
-    a.opacity_weight = opacity_weight, a.scale_weight = scale_weight, a.pull = pull;
-    ref::SplatLoss loss{test::as_doubles(dmeans),
-                        test::as_doubles(dscales),
-                        test::as_doubles(dopacities),
-                        left,
-                        static_cast<double>(opacity_weight),
-                        static_cast<double>(scale_weight),
-                        static_cast<double>(pull),
-                        {},
-                        {}};
-    if (pull > 0) {
-      const auto home = test::random_floats(6 * count, seed + 7);
-      const auto middle = home.begin() + static_cast<std::ptrdiff_t>(3 * count);
-      loss.home_means.assign(home.begin(), middle);
-      loss.home_scales.assign(middle, home.end());
-      a.home_means = ctx().upload({n, 3}, std::vector<float>(home.begin(), middle));
-      a.home_scales = ctx().upload({n, 3}, std::vector<float>(middle, home.end()));
-    }
-    splat_parameters_backward(ctx(), a);
-    const auto expect = [&](const Tensor& got, std::vector<double> ref::SplatParameters::*kind, std::size_t each,
-                            const char* what) {
-      std::vector<double> want;
-      for (std::size_t i = 0; i < each * count; ++i) want.push_back(loss.slope(reference, kind, each, i));
-      // One Gaussian may be the one that is left out.
-      EXPECT_TRUE(test::close(ctx().read<float>(got), want, 2e-6, count == 1)) << what << " of " << count;
-    };
-    expect(a.dgaussians.means, &ref::SplatParameters::means, 3, "means");
-    expect(a.dgaussians.scales, &ref::SplatParameters::log_scales, 3, "log scales");
-    expect(a.dgaussians.opacities, &ref::SplatParameters::logits, 1, "logits");
-  }
-
   long n = 0;
-  std::vector<float> means, log_scales, logits, scales;
+  std::vector<float> means, log_scales, logits;
   SplatParameters x;
   Dropping drop;
-  ref::SplatParameters reference;
-  ref::Left left;
 };
 VSPLAT_FLAVOURS(SplatParametersOp);
-
-TEST_P(SplatParametersOp, ForwardMatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const std::size_t count : kSizes)
-    for (const float share : {0.0f, 0.3f, 0.75f}) {
-      SCOPED_TRACE(::testing::Message() << count << " Gaussians, " << share << " left out");
-      make(count, {share, 0x123456789abcdefu, 17});
-      const auto got = opacities();
-      std::vector<double> want_scales, want;
-      for (const double v : reference.log_scales) want_scales.push_back(ref::splat_scale(v));
-      for (std::size_t k = 0; k < count; ++k) want.push_back(ref::splat_opacity(reference.logits[k], left, k));
-      EXPECT_TRUE(close_each(scales, want_scales, 2e-6));
-      EXPECT_TRUE(close_each(got, want, 2e-6));
-      for (const float v : got) EXPECT_LE(v, 1.0f);
-    }
-}
+VSPLAT_OPERATION(SplatParametersOp, splat_parameters)
 
 // As many as are asked for, others in another step and with another seed; those that stay are as much brighter.
 TEST_P(SplatParametersOp, LeavesOutItsShareAnewInEveryStep) {
@@ -134,20 +64,6 @@ TEST_P(SplatParametersOp, LeavesOutItsShareAnewInEveryStep) {
     for (std::size_t i = 0; i < first.size(); ++i) both += first[i] && second[i];
     EXPECT_NEAR(both, 1800, 5 * std::sqrt(20000 * 0.09 * 0.91));  // as if they knew nothing of each other
   }
-}
-
-TEST_P(SplatParametersOp, BackwardMatchesDifferencesAtEverySizeThatBreaksThings) {
-  for (const std::size_t count : kSizes) {
-    check_backward(count, {}, 0, 0, 0);
-    check_backward(count, {0.4f, 99, 3}, 0.7f, 0.3f, 0.9f);
-  }
-}
-
-TEST_P(SplatParametersOp, EachTermOfTheLossHasItsGradient) {
-  check_backward(65, {}, 1.5f, 0, 0);
-  check_backward(65, {}, 0, 1.5f, 0);
-  check_backward(65, {}, 0, 0, 1.5f);
-  check_backward(65, {0.5f, 7, 8}, 0, 0, 0);
 }
 
 // exp(-x) beyond float's range, and logits of a scene that was opaque or empty: finite, and the ends of the interval.

@@ -8,7 +8,7 @@
 #include "model/render/render.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -128,6 +128,7 @@ class SplatRelocateOp : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SplatRelocateOp);
+VSPLAT_OPERATION(SplatRelocateOp, splat_relocate)
 
 // One source and n - 1 that join it: the new opacity and the new scales, over all that they can be.
 TEST_P(SplatRelocateOp, SharesAgreeWithTheFormula) {
@@ -354,22 +355,6 @@ class SplatNoiseOp : public SplatRelocateOp {
   }
 };
 VSPLAT_FLAVOURS(SplatNoiseOp);
-
-TEST_P(SplatNoiseOp, MatchesReferenceAtEverySizeThatBreaksThings) {
-  for (const std::size_t count : {0U, 1U, 3U, 7U, 63U, 64U, 65U, 1009U}) {
-    const Rows x = at_origin(test::random_floats(count, 8, -8, -2.5f));
-    const auto got = moves(x, 3);
-    for (std::size_t k = 0; k < count; ++k) {
-      const auto c = ref::covariance({x.log_scales[3 * k], x.log_scales[3 * k + 1], x.log_scales[3 * k + 2]},
-                                     {x.quats[4 * k], x.quats[4 * k + 1], x.quats[4 * k + 2], x.quats[4 * k + 3]});
-      const auto xi = ref::normal_numbers(k, 3, 5);
-      std::vector<double> want;
-      for (const auto& row : c)
-        want.push_back(3 * ref::wandering(sigmoid(x.logits[k])) * (row[0] * xi[0] + row[1] * xi[1] + row[2] * xi[2]));
-      EXPECT_TRUE(test::close(std::vector<float>(&got[3 * k], &got[3 * k] + 3), want, 1e-5)) << k << " of " << count;
-    }
-  }
-}
 
 // Many that are alike: their moves have no mean, and the covariance (rate sigm)^2 C^2; they know nothing of each other.
 TEST_P(SplatNoiseOp, MovesAreNormalWithTheSquaredCovariance) {

@@ -6,7 +6,7 @@
 
 #include "model/diagnose/selftest/inputs/lara_picture.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -29,40 +29,7 @@ class LaraMapsOp : public test::FlavourTest {
     d.views = upload_views(ctx(), {test::make_camera({"", 0, 0, 5, 5, ""}, 9), m.camera}, 0.2f, {});
     return d;
   }
-
-  void check(int width, int height) {
-    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
-    const LaraPicture m(width, height);
-    const Device d = to_device(m);
-    const LaraMaps got = lara_maps_forward(ctx(), {d.picture, d.views, 1});
-    const ref::PictureMaps wide = m.wide();
-    const ref::LaraMaps want = ref::lara_maps(wide, m.camera, wide.alpha);
-    EXPECT_TRUE(test::close(ctx().read<float>(got.image), want.image, 0));
-    EXPECT_TRUE(test::close(ctx().read<float>(got.depth), want.depth, 1e-6, true));
-    EXPECT_TRUE(test::close(ctx().read<float>(got.normal), want.normal, 1e-6));
-    EXPECT_TRUE(test::close(ctx().read<float>(got.depth_normal), want.depth_normal, 3e-5, true));
-
-    const auto to = selftest::LaraCotangent::random(m);
-    const auto upload = [&](const std::vector<float>& v, const Tensor& like) { return ctx().upload(like.shape(), v); };
-    const PictureGradient by = lara_maps_backward(
-        ctx(), {d.picture,
-                d.views,
-                1,
-                {upload(to.image, got.image), upload(to.alpha, got.depth), upload(to.depth, got.depth),
-                 upload(to.normal, got.normal), upload(to.depth_normal, got.normal), upload(to.alpha, got.depth)}});
-    EXPECT_EQ(ctx().read<float>(by.distortion), to.alpha);
-    const auto differences = [&](std::vector<double> ref::PictureMaps::*field) { return to.differences(m, field); };
-    EXPECT_TRUE(test::close(ctx().read<float>(by.colour), differences(&ref::PictureMaps::colour), 1e-5));
-    EXPECT_TRUE(test::close(ctx().read<float>(by.alpha), differences(&ref::PictureMaps::alpha), 5e-5));
-    EXPECT_TRUE(test::close(ctx().read<float>(by.depth), differences(&ref::PictureMaps::depth), 5e-5, true));
-    EXPECT_TRUE(test::close(ctx().read<float>(by.normal), differences(&ref::PictureMaps::normal), 1e-5));
-  }
 };
-
-TEST_P(LaraMapsOp, MatchesReferenceAndItsDifferences) {
-  for (const auto& [width, height] : {std::pair{1, 1}, {3, 3}, {2, 17}, {17, 2}, {7, 13}, {17, 5}})
-    check(width, height);
-}
 
 TEST_P(LaraMapsOp, TakesWhatIsNoneAsZeros) {
   const LaraPicture m(7, 5);
@@ -107,6 +74,7 @@ TEST_P(LaraMapsOp, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(LaraMapsOp);
+VSPLAT_OPERATION(LaraMapsOp, lara_maps)
 
 }  // namespace
 }  // namespace vsplat

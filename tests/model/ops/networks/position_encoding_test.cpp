@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/position_encoding.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -25,6 +25,7 @@ std::vector<T> widened(const std::vector<T>& rows, long before, long after, T va
 
 class PositionEncoding : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PositionEncoding);
+VSPLAT_OPERATION(PositionEncoding, position_encoding)
 
 TEST_P(PositionEncoding, MatchesReference) {
   for (const long p : {0L, 1L, 15L, 16L, 17L, 101L}) {

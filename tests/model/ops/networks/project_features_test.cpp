@@ -1,10 +1,8 @@
 #include "model/ops/networks/project_features.h"
 
-#include <fmt/format.h>
-
 #include "model/diagnose/selftest/reference/project_features.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/orbit.h"
 
 namespace vsplat {
@@ -36,45 +34,9 @@ ProjectFeaturesForward upload_project_features(Context& ctx, const ref::ProjectF
   return a;
 }
 
-class ProjectFeatures : public test::FlavourTest {
- protected:
-  void check(long views, long t, long c, long p, bool half_pixel, bool by_distance, float reach = 0.5f) {
-    SCOPED_TRACE(fmt::format("{} views, {} texels, {} x {}", views, t, c, p));
-    const auto in = make_case(views, t, c, p, half_pixel, by_distance, reach);
-    const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
-    const ProjectFeaturesForward a = upload_project_features(ctx(), in, cameras);
-    project_features_forward(ctx(), a);
-    // A texel's position is exact to about 1e-6 t, and neighbouring texels differ by up to 2.
-    EXPECT_TRUE(test::close(ctx().read<float>(a.out), ref::project_features(in), 2e-5));
-
-    const std::vector<float> dout = test::random_floats(static_cast<std::size_t>(p * c), 33);
-    const std::vector<float> before = test::random_floats(static_cast<std::size_t>(3 * p), 34);
-    auto want = ref::project_features_backward(in, dout);
-    for (std::size_t i = 0; i < before.size(); ++i) want.points[i] += before[i];
-    ProjectFeaturesBackward b;
-    b.forward = a;
-    b.dout = ctx().upload({p, c}, dout);
-    b.dpoints = ctx().upload({p, 3}, before);
-    const std::vector<float> already = test::random_floats(in.features.size(), 36);
-    for (std::size_t i = 0; i < already.size(); ++i) want.features[i] += already[i];
-    b.dfeatures = ctx().upload(a.features.shape(), already);
-    project_features_backward(ctx(), b);
-    EXPECT_TRUE(test::close(ctx().read<float>(b.dpoints), want.points, 2e-5));
-    EXPECT_TRUE(test::close(ctx().read<float>(b.dfeatures), want.features, 2e-5));
-  }
-};
+class ProjectFeatures : public test::FlavourTest {};
 VSPLAT_FLAVOURS(ProjectFeatures);
-
-TEST_P(ProjectFeatures, MatchesReference) {
-  check(1, 7, 1, 1, true, false);
-  check(2, 3, 3, 17, true, false);
-  check(3, 6, 24, 31, false, false);
-  check(4, 8, 130, 33, true, true);
-  check(4, 8, 6, 33, false, true);
-}
-
-// Many points fall outside the maps, on their borders, and behind cameras.
-TEST_P(ProjectFeatures, OutsideTheMapsIsZero) { check(3, 5, 4, 500, true, false, 1.2f); }
+VSPLAT_OPERATION(ProjectFeatures, project_features)
 
 TEST_P(ProjectFeatures, EmptyInput) {
   const auto in = make_case(2, 2, 3, 0, true, false, 1);

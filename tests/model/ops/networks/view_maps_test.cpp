@@ -2,7 +2,7 @@
 
 #include "model/diagnose/selftest/reference/view_maps.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -21,33 +21,11 @@ class ViewMaps : public test::FlavourTest {
     drawings_ = {ctx().upload({views, edge, edge, 3}, colour_), ctx().upload({views, edge, edge}, alpha_),
                  ctx().upload({views, edge, edge}, depth_)};
   }
-  std::vector<double> want(std::size_t pixel, bool by_alpha) const {
-    const double colour[3] = {colour_[3 * pixel], colour_[3 * pixel + 1], colour_[3 * pixel + 2]};
-    return ref::view_map(colour, alpha_[pixel], depth_[pixel], by_alpha);
-  }
   std::vector<float> images_, colour_, alpha_, depth_;
   ViewDrawings drawings_;
 };
 VSPLAT_FLAVOURS(ViewMaps);
-
-TEST_P(ViewMaps, MatchesReferenceInItsViewsAlone) {
-  for (const auto& [edge, views, first] : {std::tuple{1L, 3L, 0L}, {7L, 1L, 2L}, {11L, 2L, 1L}})
-    for (const bool by_alpha : {false, true}) {
-      make(edge, views);
-      const auto pixels = static_cast<std::size_t>(edge * edge);
-      std::vector<double> expected(static_cast<std::size_t>(kViews) * pixels * 8, 9.0);
-      for (std::size_t i = 0; i < static_cast<std::size_t>(views) * pixels; ++i) {
-        const std::size_t at = static_cast<std::size_t>(first) * pixels + i;
-        for (std::size_t c = 0; c < 3; ++c) expected[8 * at + c] = images_[3 * at + c];
-        const std::vector<double> rest = want(i, by_alpha);
-        std::copy(rest.begin(), rest.end(), expected.begin() + static_cast<long>(8 * at + 3));
-      }
-      const Shape shape{kViews, edge, edge, 8};
-      const Tensor maps = ctx().upload(shape, std::vector<float>(expected.size(), 9.0f));
-      view_maps_forward(ctx(), {ctx().upload({kViews, edge, edge, 3}, images_), drawings_, first, by_alpha, maps});
-      EXPECT_TRUE(test::close(ctx().read<float>(maps), expected, 1e-6)) << edge << " from view " << first;
-    }
-}
+VSPLAT_OPERATION(ViewMaps, view_maps)
 
 TEST_P(ViewMaps, BackwardIsOfDifferences) {
   constexpr double step = 1e-6;

@@ -2,14 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numeric>
 
 #include "model/diagnose/selftest/reference/surfels.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -29,13 +27,8 @@ struct ProjectSurfelsResult {
 
 ProjectSurfelsResult run_project_surfels(Context& ctx, const Gaussians& g, const Camera& cam,
                                          const ref::SurfelOptions& o = {}) {
-  std::optional<std::array<float, 3>> mirror;
-  if (o.options.mirror) {
-    const Eigen::Vector3f m = o.options.mirror->cast<float>();
-    mirror = {m.x(), m.y(), m.z()};
-  }
   const Tensor views = upload_views(ctx, {Camera(test::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5)), cam},
-                                    static_cast<float>(o.options.near), mirror);
+                                    static_cast<float>(o.options.near), {});
   const long k = static_cast<long>(g.count);
   const DeviceGaussians d = upload(ctx, g);
   const Culled culled{ctx.upload({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef), Type::u32),
@@ -57,88 +50,6 @@ ProjectSurfelsResult run_project_surfels(Context& ctx, const Gaussians& g, const
     std::copy_n(got.begin() + static_cast<std::ptrdiff_t>(20 * v), 20,
                 out.records.begin() + 20 * std::ptrdiff_t{ids[v]});
   return out;
-}
-
-// The pixels of the reference's tiles that a surfel is seen in, by a margin.
-template <class Work>
-void for_each_seen(const ref::Surfel& s, const ref::SurfelOptions& o, const Work& work) {
-  for (int y = 16 * s.y0; y < 16 * s.y1; ++y)
-    for (int x = 16 * s.x0; x < 16 * s.x1; ++x)
-      if (ref::meet(s, x + 0.5, y + 0.5, o).alpha > 1.001 / 255) work(x, y);
-}
-
-void check_project_surfels(const ref::Surfel& want, const ProjectSurfelsResult& got, std::size_t k, double focal,
-                           const ref::SurfelOptions& o) {
-  const std::uint32_t x = got.rects[2 * k], y = got.rects[2 * k + 1];
-  if (want.culled || want.opacity < 1.0f / 255) {
-    EXPECT_EQ(x, 0u);
-    EXPECT_EQ(y, 0u);
-    return;
-  }
-  const int x0 = static_cast<int>(x & 0xffff), x1 = static_cast<int>(x >> 16);
-  const int y0 = static_cast<int>(y & 0xffff), y1 = static_cast<int>(y >> 16);
-  EXPECT_EQ(y != 0, x1 > x0 && y1 > y0);
-  // Within the reference's tiles and the reaches is all that can be seen.
-  const float* r = &got.records[20 * k];
-  int lost = 0;
-  for_each_seen(want, o, [&](int px, int py) {
-    lost += px / 16 < x0 || px / 16 >= x1 || py / 16 < y0 || py / 16 >= y1 || !(std::abs(r[0] - px - 0.5f) <= r[15]) ||
-            !(std::abs(r[1] - py - 0.5f) <= r[19]);
-  });
-  EXPECT_EQ(lost, 0);
-  if (y == 0) return;
-  EXPECT_TRUE(x0 >= want.x0 && x1 <= want.x1 && y0 >= want.y0 && y1 <= want.y1);
-  const std::array<double, 20> w = ref::record_of(want);
-  for (int i = 0; i < 2; ++i)
-    EXPECT_NEAR(r[i], w[i], 1e-6 * (focal + std::abs(w[i])) * std::max(1.0, std::abs(w[i]) / focal));
-  EXPECT_NEAR(r[2], w[2], 1e-5);
-  EXPECT_NEAR(r[3], w[3], 1e-6 * (1 + w[3]));
-  // Seen nearly edge on, the plane is not known better than its normal is.
-  const double loose = 3e-6 * (1 + 1 / std::abs(want.facing)) * (1 + 1 / w[3]);
-  for (const std::size_t first : {4, 6, 8}) {
-    const double size = std::hypot(w[first], w[first + 1]);
-    for (const std::size_t i : {first, first + 1}) EXPECT_NEAR(r[i], w[i], loose * size) << "number " << i;
-  }
-  // (Towards the camera's plane the box has no end.)
-  const double box = std::hypot(w[10], w[11]);
-  if (box < 100) {
-    for (const std::size_t i : {std::size_t{10}, std::size_t{11}}) EXPECT_NEAR(r[i], w[i], 1e-4 + 1e-4 * box) << i;
-  }
-  for (std::size_t i = 12; i < 15; ++i) EXPECT_NEAR(r[i], w[i], 3e-6 * (1 + std::abs(w[i])));
-  for (std::size_t i = 16; i < 19; ++i) EXPECT_NEAR(r[i], w[i], 2e-6);
-  float z;
-  std::memcpy(&z, &got.keys[k], 4);
-  EXPECT_EQ(z, r[3]);
-}
-
-TEST_P(ProjectSurfels, MatchesReference) {
-  std::vector<test::SceneCase> cases = test::scene_cases();
-  for (const std::size_t count : {3, 16, 33}) cases.push_back({"few", count, 1, 50, 37, ""});
-  for (const test::SceneCase& c : cases) {
-    for (const bool current : {false, true}) {
-      const ref::SurfelOptions o{{}, current};
-      const Gaussians g = test::make_surfels(c, 21);
-      const Camera cam = test::make_camera(c, 21);
-      const ProjectSurfelsResult got = run_project_surfels(ctx(), g, cam, o);
-      for (std::size_t k = 0; k < g.count; ++k) {
-        SCOPED_TRACE(c.name + (current ? ", current" : "") + ", surfel " + std::to_string(k));
-        check_project_surfels(ref::project_surfel(g, k, cam, o), got, k, std::max(cam.fx, cam.fy), o);
-        if (HasFailure()) return;
-      }
-    }
-  }
-}
-
-TEST_P(ProjectSurfels, ObeysMirrorNearPlaneAndLengthOfQuaternions) {
-  const test::SceneCase c{"", 100, 2, 64, 64, ""};
-  Gaussians g = test::make_surfels(c, 22);
-  for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= 0.2f * static_cast<float>(1 + i / 4);
-  const Camera cam = test::make_camera(c, 22);
-  ref::SurfelOptions o;
-  o.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
-  o.options.near = 1.5f;
-  const ProjectSurfelsResult got = run_project_surfels(ctx(), g, cam, o);
-  for (std::size_t k = 0; k < g.count; ++k) check_project_surfels(ref::project_surfel(g, k, cam, o), got, k, cam.fx, o);
 }
 
 // Seen edge on, without extent, behind the camera, at the near plane, or no number: left out. What is beside it is not.
@@ -216,6 +127,7 @@ TEST_P(ProjectSurfels, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(ProjectSurfels);
+VSPLAT_OPERATION(ProjectSurfels, project_surfels)
 
 }  // namespace
 }  // namespace vsplat

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numeric>
-#include <random>
 
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "model/ops/render/rasterize.h"
@@ -58,52 +56,8 @@ class RasterizeBackward : public test::FlavourTest {
                                pulls == Pulls::none ? 10 : 2);
   }
 
-  void check(int width, int height, int per_tile, float opacity, double tolerance = 2e-5) {
-    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
-    const test::Records c = test::make_records(width, height, per_tile, opacity, 3);
-    const Upstream up = random_upstream(width, height);
-    const std::vector<float> got = run(c, width, height, up);
-    const std::vector<double> want =
-        ref::blend_backward(c.records, c.ids, c.starts, width, height, background, up.colour, up.alpha, up.depth);
-    ASSERT_EQ(got.size(), want.size());
-    for (std::size_t col = 0; col < 10; ++col) {
-      SCOPED_TRACE("column " + std::to_string(col));
-      std::vector<float> g;
-      std::vector<double> w;
-      for (std::size_t i = col; i < want.size(); i += 10) g.push_back(got[i]), w.push_back(want[i]);
-      EXPECT_TRUE(test::close(g, w, tolerance, per_tile == 0));
-    }
-  }
-
   const std::array<float, 3> background{0.25f, 0.5f, 1};
 };
-
-TEST_P(RasterizeBackward, MatchesReference) {
-  for (const int size : {1, 3, 7, 15, 16, 17, 31, 53}) check(size, 40, 30, 0.8f);
-  for (const int size : {1, 15, 17, 33}) check(40, size, 30, 0.8f);
-}
-
-TEST_P(RasterizeBackward, HandlesAnyNumberPerTile) {
-  for (const int count : {0, 1, 2, 63, 64, 65, 257, 600}) check(33, 20, count, 0.3f);
-}
-
-TEST_P(RasterizeBackward, ReachesFullOpacityAndStops) { check(48, 32, 400, 1.0f); }
-
-// How much each pixel pulls at a Gaussian's place, with alpha at its limit among them.
-TEST_P(RasterizeBackward, PullsMatchReference) {
-  for (const auto& [width, height, per_tile, opacity] :
-       {std::tuple{40, 17, 30, 0.8f}, {33, 20, 65, 1.0f}, {48, 32, 400, 1.0f}, {7, 3, 1, 0.5f}, {33, 20, 0, 0.5f}}) {
-    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
-    const test::Records c = test::make_records(width, height, per_tile, opacity, 3);
-    const Upstream up = random_upstream(width, height);
-    for (const auto& [pulls, rows] :
-         {std::pair{Pulls::held, ref::RowKind::pulls}, {Pulls::through, ref::RowKind::pulls_through_clamp}}) {
-      const auto want = ref::blend_backward(c.records, c.ids, c.starts, width, height, background, up.colour, up.alpha,
-                                            up.depth, rows);
-      EXPECT_TRUE(test::close(run(c, width, height, up, pulls), want, 2e-5, per_tile == 0));
-    }
-  }
-}
 
 TEST_P(RasterizeBackward, TakesWhatIsNoneAsZeros) {
   const int width = 20, height = 33;
@@ -134,13 +88,6 @@ TEST_P(RasterizeBackward, CountsWhatItBlendsInAProfiledRun) {
     EXPECT_EQ(row.counted, ref::blend(c.records, c.ids, c.starts, 70, 50, background).pairs);
     EXPECT_GT(row.flops, 40.0 * static_cast<double>(row.counted));
   }
-}
-
-TEST_P(RasterizeBackward, GivesTheSameBitsAgain) {
-  const test::Records c = test::make_records(70, 50, 100, 0.6f, 9);
-  const Upstream up = random_upstream(70, 50);
-  const std::vector<float> first = run(c, 70, 50, up);
-  for (int i = 0; i < 2; ++i) EXPECT_EQ(run(c, 70, 50, up), first);
 }
 
 // Alpha held at 0.99 does not move with the Gaussian; its colour and depth do.

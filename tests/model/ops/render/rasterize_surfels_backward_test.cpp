@@ -4,7 +4,6 @@
 
 #include "model/diagnose/selftest/inputs/surfel_blending.h"
 #include "model/ops/render/rasterize_surfels.h"
-#include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"
 #include "tests/support/surfel_records.h"
@@ -57,21 +56,6 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
                                selftest::kSurfelNumbers);
   }
 
-  void check(const test::Records& c, int width, int height, bool current, double tolerance) {
-    const ref::SurfelOptions o = options(current);
-    const SurfelCotangent by = SurfelCotangent::random(width, height);
-    const std::vector<double> got = selftest::by_surfel_records(c, run(c, width, height, by, o)),
-                              want = selftest::surfel_differences(c, width, height, by, o);
-    for (std::size_t number = 0; number < selftest::kSurfelNumbers; ++number) {
-      SCOPED_TRACE("number " + std::to_string(number));
-      std::vector<double> g, w;
-      for (std::size_t i = number; i < want.size(); i += selftest::kSurfelNumbers)
-        g.push_back(got[i]), w.push_back(want[i]);
-      const bool zero = std::all_of(w.begin(), w.end(), [](double x) { return x == 0; });
-      EXPECT_TRUE(test::close(g, w, tolerance, zero));
-    }
-  }
-
   const std::array<float, 3> background{0.25f, 0.5f, 1};
 };
 
@@ -107,21 +91,6 @@ TEST_P(RasterizeSurfelsBackward, CountsWhatItBlendsInAProfiledRun) {
   }
 }
 
-TEST_P(RasterizeSurfelsBackward, MatchesDifferences) {
-  for (const auto& [width, height] : {std::pair{1, 1}, {17, 3}, {13, 11}, {16, 33}, {31, 7}})
-    for (const bool current : {false, true}) {
-      SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + (current ? ", current" : ""));
-      check(selftest::smooth_surfels(width, height, 7, false), width, height, current, 2e-5);
-    }
-}
-
-TEST_P(RasterizeSurfelsBackward, MatchesDifferencesWhereTheLowPassDecides) {
-  for (const bool current : {false, true}) {
-    SCOPED_TRACE(current ? "current" : "lara");
-    check(selftest::smooth_surfels(2, 2, 5, true), 2, 2, current, 2e-5);
-  }
-}
-
 TEST_P(RasterizeSurfelsBackward, HandlesAnyNumberPerTile) {
   for (const int count : {0, 1, 63, 64, 65}) {
     const test::Records c = test::make_surfel_records(33, 20, count, 0.3f, 3, options(false));
@@ -151,14 +120,6 @@ TEST_P(RasterizeSurfelsBackward, TakesWhatIsNoneAsZeros) {
     std::fill((zeros.*map).begin(), (zeros.*map).end(), 0.0f);
     EXPECT_EQ(run(c, width, height, none, o), run(c, width, height, zeros, o));
   }
-}
-
-TEST_P(RasterizeSurfelsBackward, GivesTheSameBitsAgain) {
-  const ref::SurfelOptions o = options(true);
-  const test::Records c = test::make_surfel_records(70, 50, 40, 0.6f, 9, o);
-  const SurfelCotangent by = SurfelCotangent::random(70, 50);
-  const std::vector<float> first = run(c, 70, 50, by, o);
-  for (int i = 0; i < 2; ++i) EXPECT_EQ(run(c, 70, 50, by, o), first);
 }
 
 // Alpha held at 0.99 does not move with the surfel; its colour, depth and normal do.

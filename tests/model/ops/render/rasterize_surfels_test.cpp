@@ -5,8 +5,7 @@
 #include <cmath>
 
 #include "model/diagnose/selftest/reference/rasterize_surfels.h"
-#include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 #include "tests/support/surfel_records.h"
 
 namespace vsplat {
@@ -40,40 +39,8 @@ class RasterizeSurfels : public test::FlavourTest {
     return o;
   }
 
-  void check(int width, int height, int per_tile, float opacity, bool current = false) {
-    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each" +
-                 (current ? ", current" : ""));
-    const ref::SurfelOptions o = options(current);
-    const test::Records c = test::make_surfel_records(width, height, per_tile, opacity, 3, o);
-    const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
-    const DevicePicture got = draw(c, whole, width, height, {true, true, true}, o);
-    const ref::SurfelFrame want = ref::blend_surfels(c.records, c.ids, c.starts, width, height, o);
-    const bool none = per_tile == 0;
-    const auto close = [&](const Tensor& map, const std::vector<double>& values, double tolerance, const char* what) {
-      EXPECT_TRUE(test::close(ctx().read<float>(map), values, tolerance, none)) << what;
-    };
-    // Sums of up to a thousand weights in float32, weights from intersections good to 1e-6.
-    close(got.colour, want.colour, 2e-5, "colour");
-    close(got.alpha, want.alpha, 2e-5, "alpha");
-    close(got.depth, want.depth, 2e-5, "depth");
-    close(got.normal, want.normal, 2e-5, "normal");
-    close(got.median, want.median, 2e-5, "median");
-    EXPECT_TRUE(test::close(ctx().read<float>(got.distortion), want.distortion, 1e-4, per_tile < 2)) << "distortion";
-  }
-
   const std::array<float, 3> background{0.25f, 0.5f, 1};
 };
-
-TEST_P(RasterizeSurfels, MatchesReference) {
-  for (const int size : {1, 3, 7, 15, 16, 17, 31, 53}) check(size, 40, 17, 0.8f, size % 4 == 3);
-  for (const int size : {1, 15, 17, 33}) check(40, size, 17, 0.8f, size == 15);
-}
-
-TEST_P(RasterizeSurfels, HandlesAnyNumberPerTile) {
-  for (const int count : {0, 1, 3, 63, 64, 65, 257}) check(33, 20, count, 0.3f);
-}
-
-TEST_P(RasterizeSurfels, ReachesFullOpacityAndStops) { check(33, 32, 150, 1.0f); }
 
 // The same bits whether other maps are drawn beside one or not.
 TEST_P(RasterizeSurfels, DrawsWhatIsAskedFor) {
@@ -140,6 +107,7 @@ TEST_P(RasterizeSurfels, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(RasterizeSurfels);
+VSPLAT_OPERATION(RasterizeSurfels, rasterize_surfels)
 
 }  // namespace
 }  // namespace vsplat

@@ -6,9 +6,8 @@
 #include <random>
 
 #include "model/diagnose/selftest/reference/rasterize.h"
-#include "tests/support/compare.h"
 #include "tests/support/counted.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -58,36 +57,7 @@ class Rasterize : public test::FlavourTest {
     rasterize_forward(ctx(), {p, b, part, background, out});
     return out;
   }
-
-  void check(int width, int height, int per_tile, float opacity) {
-    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
-    const Case c = make(width, height, per_tile, opacity, 3);
-    const std::array<float, 3> background{0.25f, 0.5f, 1};
-    Projected p;
-    p.records = ctx().upload({static_cast<long>(c.records.size() / 12), 12}, c.records);
-    Binned b;
-    b.ids = ctx().upload({static_cast<long>(c.ids.size())}, c.ids, Type::u32);
-    b.starts = ctx().upload({static_cast<long>(c.starts.size())}, c.starts, Type::u32);
-    const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
-    const DevicePicture got = draw(p, b, whole, width, height, background);
-    const ref::Blended want = ref::blend(c.records, c.ids, c.starts, width, height, background);
-    // Sums of up to a thousand weights in float32, weights from exponents good to 1e-6.
-    EXPECT_TRUE(test::close(ctx().read<float>(got.colour), want.colour, 1e-5));
-    EXPECT_TRUE(test::close(ctx().read<float>(got.alpha), want.alpha, 1e-5, per_tile == 0));
-    EXPECT_TRUE(test::close(ctx().read<float>(got.depth), want.depth, 1e-5, per_tile == 0));
-  }
 };
-
-TEST_P(Rasterize, MatchesReference) {
-  for (const int size : {1, 3, 7, 15, 16, 17, 31, 53}) check(size, 40, 30, 0.8f);
-  for (const int size : {1, 15, 17, 33}) check(40, size, 30, 0.8f);
-}
-
-TEST_P(Rasterize, HandlesAnyNumberPerTile) {
-  for (const int count : {0, 1, 2, 255, 256, 257, 600}) check(33, 20, count, 0.3f);
-}
-
-TEST_P(Rasterize, ReachesFullOpacityAndStops) { check(48, 32, 400, 1.0f); }
 
 // 0.99 twice leaves 0.0001 less a rounding: the second would bring transmittance under 1e-4 and is not drawn.
 TEST_P(Rasterize, StopsBeforeTheThresholdIsPassed) {
@@ -144,6 +114,7 @@ TEST_P(Rasterize, RejectsBadShape) {
 }
 
 VSPLAT_FLAVOURS(Rasterize);
+VSPLAT_OPERATION(Rasterize, rasterize)
 
 }  // namespace
 }  // namespace vsplat

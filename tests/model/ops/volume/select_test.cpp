@@ -2,72 +2,19 @@
 
 #include "model/base/rng.h"
 #include "model/diagnose/selftest/reference/select.h"
-#include "model/ops/volume/compact.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
+class SelectOp : public test::FlavourTest {};
+VSPLAT_FLAVOURS(SelectOp);
+VSPLAT_OPERATION(SelectOp, select)
+
 using test::close;
 
 const char* const kSelections[] = {"gumbel", "sigmoid", "ste", "opacity"};
-
-struct Chosen {
-  std::vector<double> factor, refined;
-  std::vector<std::uint32_t> flags;
-};
-
-Chosen reference(const std::string& selection, const std::vector<float>& logits, const std::vector<float>& noise,
-                 const std::vector<float>& opacities, double temperature, double threshold) {
-  Chosen out;
-  for (std::size_t i = 0; i < logits.size(); ++i) {
-    const ref::Chosen one =
-        ref::select(selection, logits[i], noise.empty() ? 0.0 : noise[i], opacities[i], temperature, threshold);
-    out.factor.push_back(one.factor);
-    out.refined.push_back(one.refined);
-    out.flags.push_back(one.flag ? 1 : 0);
-  }
-  return out;
-}
-
-void check_select(const std::string& selection, std::size_t n, bool noisy) {
-  Context& ctx = test::context(Flavour::cpu);
-  const std::vector<float> logits = test::random_floats(n, 51), opacities = test::random_floats(n, 52, 0.0f, 1.0f);
-  const std::vector<float> noise = noisy ? test::random_floats(n, 53, -2.0f, 2.0f) : std::vector<float>{};
-  const long count = static_cast<long>(n);
-  SelectForward a;
-  a.logits = ctx.upload({count}, logits);
-  if (noisy) a.noise = ctx.upload({count}, noise);
-  a.opacities = ctx.upload({count}, opacities);
-  a.selection = selection_of(selection);
-  a.temperature = 0.3f;
-  a.opacity_threshold = 0.4f;
-  a.factor = ctx.upload({count}, test::nans(n));
-  a.refined = ctx.upload({count}, test::nans(n));
-  a.flags = ctx.upload({count}, std::vector<std::uint32_t>(n, 7), Type::u32);
-  select_forward(ctx, a);
-  const Chosen want = reference(selection, logits, noise, opacities, 0.3, 0.4);
-  EXPECT_TRUE(close(ctx.read<float>(a.factor), want.factor, 1e-6, true)) << selection;
-  EXPECT_TRUE(close(ctx.read<float>(a.refined), want.refined, 1e-6, true)) << selection;
-  EXPECT_EQ(ctx.read<std::uint32_t>(a.flags), want.flags) << selection;
-
-  std::vector<int> indices;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (want.flags[i]) indices.push_back(static_cast<int>(i));
-  }
-  EXPECT_EQ(ctx.read<int>(compact(ctx, a.flags, 0)), indices) << selection;
-}
-
-TEST(Select, EveryVariantMatchesReferenceAndCompactsInOrder) {
-  for (const std::size_t n : {1, 3, 63, 64, 65, 1009, 4099}) {
-    check_select("gumbel", n, false);
-    check_select("gumbel", n, true);
-    check_select("sigmoid", n, true);
-    check_select("ste", n, false);
-    check_select("opacity", n, true);
-  }
-}
 
 // What asks for nothing but the flags, and by the opacity alone.
 TEST(Select, FlagsAlone) {
@@ -105,46 +52,6 @@ TEST(SelectReference, GradientsAreThoseOfDifferences) {
   }
 }
 
-void check_backward(const std::string& selection, std::size_t n, bool noisy) {
-  Context& ctx = test::context(Flavour::cpu);
-  const std::vector<float> logits = test::random_floats(n, 55, -3.0f, 3.0f), d = test::random_floats(n, 57, 0.5f, 1.5f);
-  const std::vector<float> opacities = test::random_floats(n, 56, 0.1f, 1.0f);
-  const std::vector<float> noise = noisy ? test::random_floats(n, 58, -2.0f, 2.0f) : std::vector<float>{};
-  std::vector<double> by_logit, by_opacity;
-  for (std::size_t i = 0; i < n; ++i) {
-    const ref::SelectGradient one = ref::select_backward(selection, logits[i], noisy ? noise[i] : 0.0, opacities[i],
-                                                         static_cast<double>(0.3f), d[i]);
-    by_logit.push_back(one.logit);
-    by_opacity.push_back(one.opacity);
-  }
-  const long count = static_cast<long>(n);
-  SelectBackward a;
-  a.logits = ctx.upload({count}, logits);
-  if (noisy) a.noise = ctx.upload({count}, noise);
-  a.opacities = ctx.upload({count}, opacities);
-  a.selection = selection_of(selection);
-  a.temperature = 0.3f;
-  a.drefined = ctx.upload({count}, d);
-  a.dlogits = ctx.upload({count}, test::nans(n));
-  a.dopacities = ctx.upload({count}, test::nans(n));
-  select_backward(ctx, a);
-  EXPECT_TRUE(close(ctx.read<float>(a.dlogits), by_logit, 2e-6, selection == "opacity")) << selection;
-  EXPECT_TRUE(close(ctx.read<float>(a.dopacities), by_opacity, 1e-6, true)) << selection;
-  a.dopacities = a.drefined;
-  a.dlogits = {};
-  select_backward(ctx, a);
-  EXPECT_TRUE(close(ctx.read<float>(a.drefined), by_opacity, 1e-6, true)) << selection << " in place";
-}
-
-TEST(Select, BackwardMatchesReference) {
-  for (const std::size_t n : {1, 3, 7, 63, 64, 65, 1009}) {
-    for (const char* selection : kSelections) {
-      check_backward(selection, n, false);
-      check_backward(selection, n, true);
-    }
-  }
-}
-
 // A confidence that is all but certain still has a slope: 1 - sigmoid(x) would be rounded to 0.
 TEST(Select, BackwardFarFromTheThreshold) {
   Context& ctx = test::context(Flavour::cpu);
@@ -161,18 +68,6 @@ TEST(Select, BackwardFarFromTheThreshold) {
     const double want = std::exp(-std::abs(static_cast<double>(logits[i])));
     EXPECT_NEAR(got[i], want, 1e-5 * want + 1e-37) << logits[i];
   }
-}
-
-TEST(Select, NoneAndAllSelected) {
-  Context& ctx = test::context(Flavour::cpu);
-  SelectBackward nothing;
-  nothing.logits = nothing.opacities = nothing.drefined = nothing.dlogits = nothing.dopacities = ctx.tensor({0});
-  select_backward(ctx, nothing);
-  const Tensor none = ctx.upload({5}, std::vector<std::uint32_t>(5, 0), Type::u32);
-  EXPECT_EQ(compact(ctx, none, 3).dim(0), 0);
-  const Tensor all = ctx.upload({5}, std::vector<std::uint32_t>(5, 1), Type::u32);
-  EXPECT_EQ(ctx.read<int>(compact(ctx, all, 3)), (std::vector<int>{0, 1, 2, 3, 4}));
-  EXPECT_EQ(compact(ctx, ctx.tensor({0}, Type::u32), 3).dim(0), 0);
 }
 
 // The device's Philox is the host's, and the noise is the logistic variable of its uniform numbers.
@@ -193,6 +88,13 @@ TEST(Select, NoiseIsTheHostsAndLogistic) {
   EXPECT_TRUE(close(ctx.read<float>(noise), want, 1e-6));
   EXPECT_NEAR(sum / n, 0, 0.05);
   EXPECT_NEAR(squares / n, M_PI * M_PI / 3, 0.1);
+}
+
+TEST(Select, EmptyInput) {
+  SelectBackward nothing;
+  nothing.logits = nothing.opacities = nothing.drefined = nothing.dlogits = nothing.dopacities =
+      test::context(Flavour::cpu).tensor({0});
+  select_backward(test::context(Flavour::cpu), nothing);
 }
 
 TEST(Select, RejectsBadShapeAndValues) {

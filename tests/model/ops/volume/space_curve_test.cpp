@@ -1,11 +1,10 @@
 #include "model/ops/volume/space_curve.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "model/diagnose/selftest/reference/space_curve.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -20,6 +19,7 @@ class SpaceCurve : public test::FlavourTest {
   }
 };
 VSPLAT_FLAVOURS(SpaceCurve);
+VSPLAT_OPERATION(SpaceCurve, space_curve)
 
 TEST_P(SpaceCurve, CellsFromTheLeastCoordinates) {
   for (const long n : {1L, 2L, 3L, 7L, 63L, 64L, 65L, 1009L, 5000L}) {
@@ -46,22 +46,6 @@ TEST_P(SpaceCurve, PointsThatAreTooFarApartAreRefused) {
   EXPECT_THROW(grid_cells(ctx(), ctx().tensor({0, 3}), 1), Error);
 }
 
-TEST_P(SpaceCurve, MortonMatchesItsBits) {
-  for (const int depth : {1, 2, 7, 16}) {
-    std::vector<ref::Cell> cells;
-    std::mt19937 engine(5);
-    for (int i = 0; i < 67; ++i) {
-      ref::Cell& c = cells.emplace_back();
-      for (int& axis : c) axis = static_cast<int>(engine() % (1u << depth));
-    }
-    std::vector<std::uint64_t> want, exchanged;
-    for (const ref::Cell& c : cells)
-      want.push_back(ref::morton(c, depth)), exchanged.push_back(ref::morton({c[1], c[0], c[2]}, depth));
-    EXPECT_EQ(codes(cells, depth, Curve::morton, false), want) << depth;
-    EXPECT_EQ(codes(cells, depth, Curve::morton, true), exchanged) << depth;
-  }
-}
-
 // What makes it Hilbert's: every cell has a place of its own, and the cells of neighbouring places touch.
 TEST_P(SpaceCurve, HilbertVisitsEveryCellStepByStep) {
   for (const int depth : {1, 2, 3, 4}) {
@@ -86,39 +70,6 @@ TEST_P(SpaceCurve, HilbertVisitsEveryCellStepByStep) {
       ASSERT_EQ(steps, 1) << "place " << i << " of depth " << depth;
     }
   }
-}
-
-TEST_P(SpaceCurve, HilbertMatchesItsReverse) {
-  for (const int depth : {1, 3, 8, 16}) {
-    std::vector<ref::Cell> cells, flipped;
-    std::vector<std::uint64_t> want;
-    std::mt19937_64 engine(6);
-    for (int i = 0; i < 131; ++i) {
-      want.push_back(engine() >> (64 - 3 * depth));
-      cells.push_back(ref::hilbert_cell(want.back(), depth));
-      flipped.push_back({cells.back()[1], cells.back()[0], cells.back()[2]});
-    }
-    EXPECT_EQ(codes(cells, depth, Curve::hilbert, false), want) << depth;
-    EXPECT_EQ(codes(flipped, depth, Curve::hilbert, true), want) << depth;
-  }
-}
-
-TEST_P(SpaceCurve, RunsAreFilledUp) {
-  for (const long size : {1L, 5L, 48L})
-    for (const long n : {0L, 1L, 3L, 4L, 5L, 6L, 47L, 48L, 49L, 95L, 96L, 97L, 211L}) {
-      SCOPED_TRACE(std::to_string(n) + " in runs of " + std::to_string(size));
-      std::vector<std::uint32_t> order(static_cast<std::size_t>(n));
-      std::iota(order.begin(), order.end(), 0u);
-      std::shuffle(order.begin(), order.end(), std::mt19937(8));
-      const CurveRuns got = curve_runs(ctx(), ctx().upload({n}, order, Type::u32), size);
-      const std::vector<int> want = ref::curve_runs(order, size);
-      EXPECT_EQ(ctx().read<int>(got.slots), want);
-      EXPECT_EQ(ctx().read<int>(got.filled), std::vector<int>(want.begin() + n, want.end()));
-      EXPECT_EQ(got.runs * got.size, static_cast<long>(want.size()));
-      const auto places = ctx().read<int>(got.places);
-      for (std::size_t p = 0; p < places.size(); ++p)
-        EXPECT_EQ(order[static_cast<std::size_t>(places[p])], static_cast<std::uint32_t>(p));
-    }
 }
 
 }  // namespace

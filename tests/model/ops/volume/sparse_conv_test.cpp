@@ -1,14 +1,12 @@
 #include "model/ops/volume/sparse_conv.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "model/diagnose/selftest/reference/sparse_conv.h"
 #include "model/ops/dense/conv3d.h"
 #include "model/ops/volume/sparse_map.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
@@ -68,69 +66,9 @@ class SparseConv : public test::FlavourTest {
     a.dbias = ctx().upload({c.cout}, std::vector<float>(static_cast<std::size_t>(c.cout), 1.0f));
     return a;
   }
-
-  void check(const SparseConvTry& t) {
-    SCOPED_TRACE(fmt::format("{} of {}^3, {}+{} -> {}, side {}", t.share, t.r, t.cin, t.c1, t.cout, t.side));
-    const ref::SparseConvCase c = make_case(t);
-    ASSERT_FALSE(c.voxel.empty());
-    const std::vector<float> dy = random_floats(count(c.in.rows, t.cout), 9), dw = random_floats(c.w.size(), 10);
-    SubmanifoldBackward a = upload(c, dy, dw);
-    ref::SparseConvGradient want = ref::sparse_conv_backward(c, dy);
-    for (std::size_t i = 0; i < dw.size(); ++i) want.dw[i] += dw[i];
-    for (double& b : want.dbias) b += 1;
-
-    submanifold_backward(ctx(), a);
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dx), want.dx, 1e-5)) << "dx";
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dw), want.dw, 1e-5)) << "dw";
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dbias), want.dbias, 1e-5)) << "dbias";
-
-    const std::vector<float> dx = random_floats(want.dx.size(), 11);
-    ctx().write(a.dx, dx.data());
-    a.add = true;
-    submanifold_backward(ctx(), a);
-    for (std::size_t i = 0; i < dx.size(); ++i) want.dx[i] += dx[i];
-    EXPECT_TRUE(test::close(ctx().read<float>(a.dx), want.dx, 1e-5)) << "dx, added";
-  }
 };
 VSPLAT_FLAVOURS(SparseConv);
-
-TEST_P(SparseConv, ForwardMatchesReference) {
-  for (const SparseConvTry& t : {SparseConvTry{4, 0.6f, 5, 7, 3, true}, SparseConvTry{3, 0.5f, 12, 33, 0, false, 1}}) {
-    const ref::SparseConvCase c = make_case(t);
-    const SubmanifoldBackward a = upload(c, random_floats(count(c.in.rows, t.cout), 9), c.w);
-    const ConvWeights packed =
-        pack_submanifold(ctx(), c.w.data(), c.bias.data(), t.cout, c.taps(), t.cin + t.c1, "weight");
-    SubmanifoldForward g;
-    g.in = a.in;
-    g.weights = &packed;
-    g.out = ctx().upload(a.dy.shape(), test::nans(count(c.in.rows, t.cout)));
-    submanifold_forward(ctx(), g);
-    EXPECT_TRUE(test::close(ctx().read<float>(g.out), ref::sparse_conv(c), 1e-5));
-  }
-}
-
-TEST_P(SparseConv, EverySizeMatchesReference) {
-  for (const long cin : {1L, 7L, 31L, 32L, 33L})
-    for (const long cout : {1L, 11L, 12L, 13L, 33L}) check({3, 0.6f, cin, cout});
-  for (const int r : {1, 2, 5, 7}) check({r, r < 3 ? 1.0f : 0.3f, 5, 6});
-}
-
-TEST_P(SparseConv, EveryCompositionMatchesReference) {
-  check({4, 0.4f, 6, 8, 0, true});
-  check({4, 0.4f, 6, 8, 5});
-  check({4, 0.4f, 6, 8, 17, true});
-}
-
-TEST_P(SparseConv, OneTapMatchesReference) {
-  check({4, 0.4f, 6, 8, 5, true, 1});
-  check({4, 0.4f, 33, 13, 0, false, 1});
-}
-
-// More rows than are gathered at a time: the cpu flavour's 1024, and 4096 of the gpu flavour's where they are wide.
-TEST_P(SparseConv, ManyRowsMatchReference) {
-  check({11, 0.9f, 40, 3});
-  check({17, 0.9f, 140, 1});
-}
+VSPLAT_OPERATION(SparseConv, sparse_conv)
 
 TEST_P(SparseConv, SameBitsTwiceAndInputsNotWanted) {
   const ref::SparseConvCase c = make_case({11, 0.9f, 40, 5, 0, true});

@@ -1,47 +1,14 @@
 #include "model/ops/volume/upsample3d.h"
 
-#include "model/diagnose/selftest/reference/upsample3d.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
+#include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class Resample3d : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Resample3d);
-
-TEST_P(Resample3d, UpsamplingMatchesReference) {
-  struct Upsample3dSize {
-    long d, h, w, c;
-  };
-  for (const auto& [d, h, w, c] :
-       {Upsample3dSize{1, 1, 1, 1}, {1, 2, 3, 5}, {2, 3, 1, 16}, {3, 2, 5, 19}, {4, 4, 4, 33}, {2, 2, 2, 130}}) {
-    const std::vector<float> x = test::random_floats(static_cast<std::size_t>(d * h * w * c), 21);
-    const Tensor out = ctx().upload({8 * d * h * w, c}, test::nans(8 * x.size()));
-    upsample3d_forward(ctx(), {ctx().upload({d * h * w, c}, x), d, h, w, out});
-    EXPECT_TRUE(test::close(ctx().read<float>(out), ref::upsample3d(x, d, h, w, c), 1e-6))
-        << d << " " << h << " " << w << " " << c;
-  }
-}
-
-// The reference is the forward's differences, exact for a linear map.
-TEST_P(Resample3d, BackwardMatchesReference) {
-  struct Upsample3dSize {
-    long d, h, w, c;
-  };
-  for (const auto& [d, h, w, c] :
-       {Upsample3dSize{1, 1, 1, 1}, {1, 2, 3, 5}, {2, 3, 1, 16}, {3, 2, 5, 19}, {4, 4, 4, 3}, {1, 2, 2, 33}}) {
-    const std::vector<float> dy = test::random_floats(static_cast<std::size_t>(8 * d * h * w * c), 22);
-    const Tensor in = ctx().upload({8 * d * h * w, c}, dy),
-                 out = ctx().upload({d * h * w, c}, test::nans(dy.size() / 8));
-    upsample3d_backward(ctx(), {in, d, h, w, out});
-    std::vector<double> want = ref::upsample3d_backward(dy, d, h, w, c);
-    EXPECT_TRUE(test::close(ctx().read<float>(out), want, 1e-6)) << d << " " << h << " " << w << " " << c;
-    upsample3d_backward(ctx(), {in, d, h, w, out, true});
-    for (double& v : want) v *= 2;
-    EXPECT_TRUE(test::close(ctx().read<float>(out), want, 1e-6)) << d << " " << h << " " << w << " " << c;
-  }
-}
+VSPLAT_OPERATION(Resample3d, upsample3d)
 
 // <up(x), dy> = <x, back(dy)>, at a size that the reference would take long for.
 TEST_P(Resample3d, BackwardIsTheTranspose) {

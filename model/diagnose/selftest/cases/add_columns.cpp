@@ -1,0 +1,35 @@
+#include "model/ops/dense/add_columns.h"
+
+#include "model/diagnose/selftest/cases/cases.h"
+
+namespace vsplat::selftest {
+namespace {
+
+// To columns with so many before and after them. One rounding each: the bits are known.
+void add_columns_of(Checks& c, long rows, long width, long before, long after) {
+  const long wide = before + width + after;
+  const auto x = random_floats(size_of(rows, width), 1);
+  auto want = random_floats(size_of(rows, wide), 2);
+  const Tensor out = c.up({rows, wide}, want);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const std::size_t w = size_of(width);
+    want[i / w * size_of(wide) + size_of(before) + i % w] += x[i];
+  }
+  add_columns(c.ctx, {c.up({rows, width}, x), out, before});
+  c.equal("columns", out, want);
+}
+
+void add_columns_all(Checks& c) {
+  for (const long width : c.some({1L, 7L, 16L, 33L})) add_columns_of(c, 13, width, 2, 3);
+  if (!c.all) return;
+  for (const long rows : {0L, 1L, 3L, 7L, 101L})
+    for (const long width : {1L, 3L, 16L, 31L, 32L, 33L, 65L})
+      for (const auto& [before, after] : {std::pair{0L, 0L}, {0L, 5L}, {width, 0L}, {2L, 3L}})
+        add_columns_of(c, rows, width, before, after);
+}
+
+}  // namespace
+
+VSPLAT_CASES(add_columns, {"add_columns", add_columns_all})
+
+}  // namespace vsplat::selftest

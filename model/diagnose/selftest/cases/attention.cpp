@@ -1,0 +1,45 @@
+#include "model/diagnose/selftest/reference/attention.h"
+
+#include "model/diagnose/selftest/cases/cases.h"
+#include "model/ops/dense/attention.h"
+
+namespace vsplat::selftest {
+namespace {
+
+void attention_of(Checks& c, long v, long t, long h, long d, float reach) {
+  const auto size = [](long n) { return static_cast<std::size_t>(n); };
+  const auto qkv = random_floats(size(v * t * 3 * h * d), static_cast<std::uint32_t>(t * 10 + d), -reach, reach);
+  const auto dout = random_floats(size(v * t * h * d), static_cast<std::uint32_t>(t + d));
+  const AttentionForward f{c.up({v, t, 3, h, d}, qkv), c.gap({v, t, h * d}), c.gap({v, h, t, 2})};
+  attention_forward(c.ctx, f);
+  c.close(
+      "forward", f.out, [&] { return ref::attention(qkv, v, t, h, d); }, 1e-5);
+  c.keep();  // statistics
+  const AttentionBackward b{f.qkv, f.out, f.stats, c.up({v, t, h * d}, dout), c.gap({v, t, 3, h, d})};
+  attention_backward(c.ctx, b);
+  // q, k and v by themselves: the gradient by v may be many times the others. One token has one weight, 1.
+  const auto got = c.ctx.read<float>(b.dqkv);
+  const auto want = ref::attention_backward(qkv, v, t, h, d, as_doubles(dout));
+  for (std::size_t which = t > 1 ? 0 : 2; which < 3; ++which) {
+    std::vector<float> some;
+    std::vector<double> expected;
+    for (std::size_t i = 0; i < want.size(); ++i)
+      if (i / size(h * d) % 3 == which) some.push_back(got[i]), expected.push_back(want[i]);
+    c.close("backward", some, expected, c.within(2e-5, 1e-5));
+  }
+}
+
+void attention_all(Checks& c) {
+  for (const long t : c.some({1L, 3L, 11L, 12L, 13L, 31L, 32L, 33L, 63L, 65L, 127L, 129L, 157L}, {128L}))
+    attention_of(c, 2, t, 3, 8, 1.5f);
+  for (const long d : c.some({1L, 7L, 16L, 17L, 31L, 64L, 70L}, {6L})) attention_of(c, 1, 37, 2, d, 1.5f);
+  if (!c.all) return;
+  attention_of(c, 1, 145, 2, 32, 1.5f);
+  attention_of(c, 2, 45, 2, 64, 3.0f);
+}
+
+}  // namespace
+
+VSPLAT_CASES(attention, {"attention", attention_all})
+
+}  // namespace vsplat::selftest
