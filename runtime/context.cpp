@@ -21,6 +21,7 @@
 #include "runtime/launch_checks.h"
 #include "runtime/launch_parts.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/pace.h"
 #include "runtime/profile/counters.h"
 #include "runtime/profile/profiler.h"
@@ -57,13 +58,14 @@ Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, cons
     fail(
         Status::usage,
         "mixed precision and the cpu kernels were asked for, and only the gpu kernels multiply in mixed precision: ask "
-        "for those, or leave the choice to the program (vsplat_device_options.kernels, VSPLAT_KERNELS), or take fp32");
+        "for those, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
+        Option::kernels);
   if (off.gpu)
     fail(
         Status::device,
         "mixed precision wants the gpu kernels, and a self-test has found them wrong on {} with this driver: take fp32 "
-        "as vsplat_device_options.precision",
-        device.name);
+        "as {}",
+        device.name, Option::precision);
   return Flavour::gpu;
 }
 
@@ -78,8 +80,7 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const
   if (name == "cpu") return asked_for(Flavour::cpu, off);
   if (name == "gpu") return asked_for(Flavour::gpu, off);
   if (name != "auto")
-    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (vsplat_device_options.kernels, VSPLAT_KERNELS)",
-         name);
+    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" ({}, VSPLAT_KERNELS)", name, Option::kernels);
   if (off.cpu || off.gpu) return off.cpu ? Flavour::gpu : Flavour::cpu;
   // Tiling through local memory pays off only if that is dedicated memory.
   return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu
@@ -371,13 +372,14 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   if (impl_->gemm == GemmChoice::clblast && impl_->precision == Precision::mixed)
     fail(Status::usage,
          "CLBlast and mixed precision were asked for, and CLBlast multiplies in fp32: leave who multiplies to the "
-         "program (vsplat_device_options.gemm), or take fp32");
+         "program ({}), or take fp32",
+         Option::gemm);
   if (impl_->precision == Precision::mixed && impl_->off.mixed)
     fail(
         Status::device,
         "mixed precision was asked for, and a self-test has found its products wrong on {} with this driver: take fp32 "
-        "as vsplat_device_options.precision, or set VSPLAT_SELFTEST=ignore to use it all the same",
-        impl_->info.name);
+        "as {}, or set VSPLAT_SELFTEST=ignore to use it all the same",
+        impl_->info.name, Option::precision);
   if (options.matrix_unit)
     impl_->matrix_unit = *options.matrix_unit;
   else if (impl_->precision == Precision::mixed)

@@ -7,6 +7,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/files/file_rules.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -43,9 +44,9 @@ bool Roots::hold(const fs::path& file) {
 void Roots::need(const fs::path& file, const std::string& who) {
   if (hold(file)) return;
   fail(Status::file,
-       "{} {} lies outside {} (after following links); put it inside, or permit files outside "
-       "(vsplat_file_rules.allow_outside) if its origin is trusted",
-       who, printable(file.string()), fmt::join(named_, ", "));
+       "{} {} lies outside {} (after following links); put it inside, or permit files outside ({}) if its origin is "
+       "trusted",
+       who, printable(file.string()), fmt::join(named_, ", "), Option::allow_outside);
 }
 
 }  // namespace vsplat
