@@ -11,6 +11,7 @@
 #include "runtime/device_memory.h"
 #include "runtime/fail.h"
 #include "runtime/opencl.h"
+#include "runtime/option.h"
 #include "runtime/rounding.h"
 #include "runtime/system/host_memory.h"
 #include "runtime/units.h"
@@ -108,9 +109,8 @@ struct ArenaState {
   [[noreturn]] void refuse(std::size_t size, const std::string& what) const {
     fail(Status::memory,
          "not enough device memory: {} needs {:.4g} GiB beside the {:.4g} GiB already reserved; {:.4g} GiB in all and "
-         "{:.4g} GiB in one buffer may be used (vsplat_device_options.max_memory_gib, a smaller model or another "
-         "device)",
-         what, gib(size), gib(reserved() + others()), gib(limits.total), gib(limits.max_alloc));
+         "{:.4g} GiB in one buffer may be used ({}, a smaller model or another device)",
+         what, gib(size), gib(reserved() + others()), gib(limits.total), gib(limits.max_alloc), Option::max_memory);
   }
 
   void check_total(std::size_t more, const std::string& what) const {

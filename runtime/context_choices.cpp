@@ -6,6 +6,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/launch_checks.h"
+#include "runtime/option.h"
 #include "runtime/rounding.h"
 #include "runtime/system/host_memory.h"
 
@@ -36,13 +37,14 @@ Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, cons
     fail(
         Status::usage,
         "mixed precision and the cpu kernels were asked for, and only the gpu kernels multiply in mixed precision: ask "
-        "for those, or leave the choice to the program (vsplat_device_options.kernels, VSPLAT_KERNELS), or take fp32");
+        "for those, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
+        Option::kernels);
   if (off.gpu)
     fail(
         Status::device,
         "mixed precision wants the gpu kernels, and a self-test has found them wrong on {} with this driver: take fp32 "
-        "as vsplat_device_options.precision",
-        device.name);
+        "as {}",
+        device.name, Option::precision);
   return Flavour::gpu;
 }
 
@@ -59,8 +61,7 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const
   if (name == "cpu") return asked_for(Flavour::cpu, off);
   if (name == "gpu") return asked_for(Flavour::gpu, off);
   if (name != "auto")
-    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (vsplat_device_options.kernels, VSPLAT_KERNELS)",
-         name);
+    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" ({}, VSPLAT_KERNELS)", name, Option::kernels);
   if (off.cpu || off.gpu) return off.cpu ? Flavour::gpu : Flavour::cpu;
   // Tiling through local memory pays off only if that is dedicated memory.
   return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu

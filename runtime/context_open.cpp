@@ -6,6 +6,7 @@
 #include "runtime/context_impl.h"
 #include "runtime/device_memory.h"
 #include "runtime/host_span.h"
+#include "runtime/option.h"
 #include "runtime/tuning/matrix_probe.h"
 
 namespace vsplat {
@@ -63,13 +64,14 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   if (impl_->gemm == GemmChoice::clblast && impl_->precision == Precision::mixed)
     fail(Status::usage,
          "CLBlast and mixed precision were asked for, and CLBlast multiplies in fp32: leave who multiplies to the "
-         "program (vsplat_device_options.gemm), or take fp32");
+         "program ({}), or take fp32",
+         Option::gemm);
   if (impl_->precision == Precision::mixed && impl_->off.mixed)
     fail(
         Status::device,
         "mixed precision was asked for, and a self-test has found its products wrong on {} with this driver: take fp32 "
-        "as vsplat_device_options.precision, or set VSPLAT_SELFTEST=ignore to use it all the same",
-        impl_->info.name);
+        "as {}, or set VSPLAT_SELFTEST=ignore to use it all the same",
+        impl_->info.name, Option::precision);
   if (options.matrix_unit)
     impl_->matrix_unit = *options.matrix_unit;
   else if (impl_->precision == Precision::mixed)

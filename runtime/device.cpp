@@ -14,6 +14,7 @@
 #include "runtime/host_span.h"
 #include "runtime/missing_devices.h"
 #include "runtime/opencl.h"
+#include "runtime/option.h"
 #include "runtime/system/environment.h"
 #include "runtime/system/environment_check.h"
 #include "runtime/system/system.h"
@@ -236,9 +237,9 @@ std::vector<DeviceInfo> that_match(const std::string& spec, const std::vector<De
 
 DeviceInfo choose_device(const std::string& asked) {
   const std::vector<DeviceInfo> devices = list_devices();
-  if (devices.empty()) fail(Status::device, "no OpenCL device: {}; vsplat_doctor tells more", why_no_device());
+  if (devices.empty()) fail(Status::device, "no OpenCL device: {}; {} tells more", why_no_device(), Option::doctor);
   std::string spec = trimmed(asked);
-  const char* from = "vsplat_device_options.device";
+  std::string from = option_name(Option::device);
   if (spec.empty()) {
     if (const char* env = std::getenv("VSPLAT_DEVICE")) spec = trimmed(env);
     from = "VSPLAT_DEVICE";

@@ -11,6 +11,7 @@
 #include "runtime/fail.h"
 #include "runtime/gemm_matrix.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/rounding.h"
 
 namespace vsplat {
@@ -359,8 +360,8 @@ void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {
   if (*tile_defines(device) && terms > most)
     fail(Status::device,
          "{}: sums of {} terms; {} has no vectors, and its cpu kernels are right for at most {} (choose "
-         "gpu as vsplat_device_options.kernels, or another device)",
-         name, terms, device.name, most);
+         "gpu as {}, or another device)",
+         name, terms, device.name, most, Option::kernels);
 }
 
 std::size_t packed_bytes(Flavour flavour, long k, long n) {

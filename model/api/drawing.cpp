@@ -5,6 +5,7 @@
 
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 namespace vsplat::api {
 
@@ -60,10 +61,8 @@ RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
   out.mirror = scene.mirror;
   out.exact_tiles = o.exact_tiles != 0;
   if (o.supersample > static_cast<uint64_t>(kMostSamples))
-    fail(Status::usage,
-         "vsplat_render_options.supersample is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the scene "
-         "asks for",
-         o.supersample, kMostSamples);
+    fail(Status::usage, "{} is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the scene asks for",
+         Option::supersample, o.supersample, kMostSamples);
   return out;
 }
 
@@ -82,10 +81,8 @@ double drawn_pixels(const Camera& view, const RenderOptions& how) {
 
 RenderOptions derived_as(const vsplat_render_options& o, const Scene& scene) {
   if (o.supersample > 1)
-    fail(Status::usage,
-         "vsplat_render_options.supersample is {}: 0 or 1 is expected, since derivatives need a picture without "
-         "supersampling",
-         o.supersample);
+    fail(Status::usage, "{} is {}: 0 or 1 is expected, since derivatives need a picture without supersampling",
+         Option::supersample, o.supersample);
   return options_of(o, scene);
 }
 

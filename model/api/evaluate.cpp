@@ -17,6 +17,7 @@
 #include "model/io/picture/image_file.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 struct vsplat_evaluation_impl : vsplat::api::Counted {
   explicit vsplat_evaluation_impl(vsplat::Evaluation from) : evaluation(std::move(from)) {}
@@ -93,8 +94,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     const vsplat_evaluate_options o = taken(options, VSPLAT_EVALUATE_OPTIONS_INIT, "options");
     EvaluateOptions how;
     if (o.picture_size < 0)
-      fail(Status::usage,
-           "vsplat_evaluate_options.picture_size is {}: a number of pixels, or 0 for the model's, is expected",
+      fail(Status::usage, "{} is {}: a number of pixels, or 0 for the model's, is expected", Option::evaluate_size,
            o.picture_size);
     how.request = {protocol_of(o.protocol), o.seed,
                    o.picture_size,          o.view_count,
@@ -107,9 +107,8 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     how.pose_draws = o.pose_draws == 0 ? 1 : o.pose_draws;
     if (o.supersample > static_cast<uint64_t>(kMostSamples))
       fail(Status::usage,
-           "vsplat_evaluate_options.supersample is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the "
-           "model's size asks for",
-           o.supersample, kMostSamples);
+           "{} is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the model's size asks for",
+           Option::evaluate_supersample, o.supersample, kMostSamples);
     how.supersample = static_cast<int>(o.supersample);
     how.planned_selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config_of(model), "selected");
     if (o.progress)
@@ -123,7 +122,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
       };
     // All devices, the call's first, with what each holds during the call.
     const std::vector<vsplat_device> devices =
-        with_more(device, o.more_devices, o.num_more_devices, "vsplat_evaluate_options.more_devices");
+        with_more(device, o.more_devices, o.num_more_devices, Option::evaluate_devices);
     std::deque<DeviceUse> uses;
     std::deque<std::vector<Lpips>> lpips;
     std::deque<std::shared_ptr<const Network>> networks;

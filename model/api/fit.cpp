@@ -17,6 +17,7 @@
 #include "model/fit/scene_fit.h"
 #include "model/io/views/cameras_json.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -57,7 +58,7 @@ FitFreeze freeze_of(uint32_t bits) {
   constexpr uint32_t all =
       VSPLAT_FREEZE_MEANS | VSPLAT_FREEZE_SCALES | VSPLAT_FREEZE_ROTATIONS | VSPLAT_FREEZE_OPACITIES | VSPLAT_FREEZE_SH;
   if (bits & ~all) fail(Status::usage, "options.freeze is {}, not made of values of vsplat_freeze", bits);
-  if (bits == all) fail(Status::usage, "vsplat_fit_options.freeze holds every parameter: nothing is left to move");
+  if (bits == all) fail(Status::usage, "{} holds every parameter: nothing is left to move", Option::freeze);
   return {(bits & VSPLAT_FREEZE_MEANS) != 0, (bits & VSPLAT_FREEZE_SCALES) != 0, (bits & VSPLAT_FREEZE_ROTATIONS) != 0,
           (bits & VSPLAT_FREEZE_OPACITIES) != 0, (bits & VSPLAT_FREEZE_SH) != 0};
 }
@@ -86,7 +87,7 @@ FitRequest request_of(const vsplat_fit_options& o) {
   out.checkpoint = o.checkpoint ? o.checkpoint : "";
   out.resume = o.resume != 0;
   if (out.resume && out.checkpoint.empty())
-    fail(Status::usage, "vsplat_fit_options.resume needs vsplat_fit_options.checkpoint, the folder of the state");
+    fail(Status::usage, "{} needs {}, the folder of the state", Option::fit_resume, Option::fit_checkpoint);
   return out;
 }
 
@@ -140,7 +141,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     auto made = std::make_unique<vsplat_fit_impl>();
     made->device = device;
     made->views = views;
-    made->used = listed_views(views->photographs.set, request.names, "vsplat_fit_options.names");
+    made->used = listed_views(views->photographs.set, request.names, Option::fit_views);
     // Frees the scene drawn before and other models' weights.
     device->residents->drop_idle(o.model);
     device->scene.reset();

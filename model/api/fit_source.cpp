@@ -16,6 +16,7 @@
 #include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat::api {
 namespace {
@@ -164,7 +165,7 @@ std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const 
   const std::vector<int> out = choose_views(set, {input.names, usual});
   for (const int view : out)
     if (std::find(used.begin(), used.end(), view) == used.end())
-      fail(Status::usage, "vsplat_input_options.names: {} is not among the views that are used",
+      fail(Status::usage, "{}: {} is not among the views that are used", Option::views,
            set.views[static_cast<std::size_t>(view)].name);
   return out;
 }

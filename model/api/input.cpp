@@ -15,6 +15,7 @@
 #include "model/views/written_views.h"
 #include "runtime/fail.h"
 #include "runtime/half.h"
+#include "runtime/option.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -263,10 +264,9 @@ InputRequest vsplat::api::request_of(const vsplat_input_options& o) {
   out.crop = crop_of(o.crop);
   out.force = o.force != 0;
   if (o.view_count < 0 || o.view_count > max_views)
-    fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", o.view_count, max_views);
+    fail(Status::usage, "{} is {}, the network takes 1 to {}", Option::view_count, o.view_count, max_views);
   if (o.view_count != 0 && o.num_names != 0)
-    fail(Status::usage,
-         "vsplat_input_options.view_count and vsplat_input_options.names are both set: give one of them");
+    fail(Status::usage, "{} and {} are both set: give one of them", Option::view_count, Option::views);
   out.view_count = o.view_count;
   return out;
 }

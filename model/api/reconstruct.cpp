@@ -11,6 +11,7 @@
 #include "model/networks/genden/densifier.h"
 #include "model/networks/params/systems.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -51,10 +52,10 @@ long made_of(const GendenConfig& config, long selected) { return densified_count
 // Refuses options that only VS-Splat supports. (GenDen takes the seed for the order of its curves.)
 void refuse_selection(const vsplat_reconstruct_options& o, const AnyConfig& config) {
   if (o.selection || o.voxels)
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are options of {}",
-         config.network(), VsplatSystem::network);
+    fail(Status::usage, "{} selects no voxels: {} is an option of {}", config.network(), Option::selection,
+         VsplatSystem::network);
   if (o.has_seed && !config.get_if<GendenConfig>())
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed is an option of {}", config.network(),
+    fail(Status::usage, "{} selects no voxels: {} is an option of {}", config.network(), Option::selection_seed,
          VsplatSystem::network);
 }
 

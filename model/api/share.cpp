@@ -5,6 +5,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/share_out.h"
 
 using namespace vsplat;
@@ -27,10 +28,10 @@ std::vector<vsplat_device> vsplat::api::sharing_devices(const vsplat_device* dev
 }
 
 std::vector<vsplat_device> vsplat::api::with_more(vsplat_device device, const vsplat_device* more, std::size_t count,
-                                                  const char* what) {
+                                                  Option what) {
   std::vector<vsplat_device> out{device};
   if (count == 0) return out;
-  for (vsplat_device each : sharing_devices(more, count, what)) out.push_back(each);
+  for (vsplat_device each : sharing_devices(more, count, option_name(what).c_str())) out.push_back(each);
   return sharing_devices(out.data(), out.size(), fmt::format("device and {}", what).c_str());
 }
 

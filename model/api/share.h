@@ -4,15 +4,15 @@
 #include <vector>
 
 #include "model/api/device.h"
+#include "runtime/option.h"
 
 namespace vsplat::api {
 
 // Error(usage) if the list is empty, or a device is null or listed twice.
 std::vector<vsplat_device> sharing_devices(const vsplat_device* devices, std::size_t count, const char* what);
 
-// The call's device and those that its options add in the field `what`; none twice.
-std::vector<vsplat_device> with_more(vsplat_device device, const vsplat_device* more, std::size_t count,
-                                     const char* what);
+// The call's device and those that its options add as `what`; none twice.
+std::vector<vsplat_device> with_more(vsplat_device device, const vsplat_device* more, std::size_t count, Option what);
 
 // "device 1 (NAME)", for messages about one of several.
 std::string device_text(const std::vector<vsplat_device>& devices, std::size_t index);

@@ -11,6 +11,7 @@
 #include "model/train/staged_training.h"
 #include "model/train/train_ranks.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -55,12 +56,12 @@ DataSet data_of(const vsplat_train_options& o, const std::vector<TrainConfig>& s
   const auto any = [&](const auto& of) { return std::any_of(stages.begin(), stages.end(), of); };
   need_array(o.data, o.num_data, "options.data");
   if (o.num_data == 0 && any([](const TrainConfig& stage) { return stage.procedural < 1; }))
-    fail(Status::usage,
-         "no vsplat_train_options.data: a data set is needed unless the configuration's procedural is 1");
+    fail(Status::usage, "no {}: a data set is needed unless the configuration's procedural is 1", Option::data);
   if (o.textures && !any([](const TrainConfig& stage) { return stage.procedural > 0 || stage.rooms > 0; }))
     fail(Status::usage,
-         "vsplat_train_options.textures changes nothing if the configuration's procedural and rooms are 0: no "
-         "procedural object and no room is drawn");
+         "{} changes nothing if the configuration's procedural and rooms are 0: no procedural object and no room is "
+         "drawn",
+         Option::textures);
   if (o.num_data == 0) return {};
   std::vector<std::string> out;
   for (size_t i = 0; i < o.num_data; ++i) {
@@ -145,7 +146,7 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     if (out_result) check_size(*out_result, "out_result");
     const std::vector<TrainConfig> stages = train_stages_from_json(config);
     const std::vector<vsplat_device> devices =
-        with_more(device, o.more_devices, o.num_more_devices, "vsplat_train_options.more_devices");
+        with_more(device, o.more_devices, o.num_more_devices, Option::train_devices);
     std::deque<DeviceUse> uses;
     for (std::size_t i = 1; i < devices.size(); ++i) uses.emplace_back(devices[i]);
     const auto options_of = [&](const TrainConfig& stage) {

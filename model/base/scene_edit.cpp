@@ -5,6 +5,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -60,9 +61,8 @@ void append(Scene& to, const Scene& other, const Similarity& move) {
   }
   if (other.gaussians.count == 0) return;
   if (to.gaussians.kind != other.gaussians.kind)
-    fail(Status::input,
-         "one scene has surfels and the other has volumes: vsplat_scene_surfels_to_gaussians turns surfels into "
-         "volumes");
+    fail(Status::input, "one scene has surfels and the other has volumes: {} turns surfels into volumes",
+         Option::surfels_to_gaussians);
   if (to.gaussians.count + other.gaussians.count > INT32_MAX)
     fail(Status::usage, "{} and {} Gaussians are more than {}", to.gaussians.count, other.gaussians.count, INT32_MAX);
   move_to(more, move, to.offset);

@@ -31,13 +31,14 @@ int finish(int code) {
 
 // Runs the command. Returns the exit code, signals aside.
 int result_of(const Run& run) try {
+  name_options();
   if (run) run();
   return 0;
 } catch (const UsageError& e) {
   return report(exit_usage, e.what());
 } catch (const vsplat::Error& e) {
   if (e.status() == VSPLAT_ERROR_CANCELLED) return report(exit_failed, "stopped; nothing was written");
-  return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, with_flags(e.what()));
+  return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, e.what());
 } catch (const std::exception& e) {
   return report(exit_failed, e.what());
 }

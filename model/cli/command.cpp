@@ -7,7 +7,6 @@
 #include <vsplat/vsplat.hpp>
 
 #include "arguments.h"
-#include "flags.h"
 #include "outputs.h"
 #include "runtime/printable.h"
 #include "runtime/system/system.h"
@@ -27,8 +26,7 @@ void on_signal(int number) { stop_asked = number; }
 void on_log(void*, vsplat_log_level level, const char* text) {
   if (static_cast<int>(level) > log_threshold) return;
   clear_progress();
-  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "",
-               for_terminal(with_flags(text)).c_str());
+  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", for_terminal(text).c_str());
 }
 
 void add_device_options(CLI::App& app, Common& common, bool precision) {

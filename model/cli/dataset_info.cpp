@@ -6,7 +6,6 @@
 
 #include "arguments.h"
 #include "command.h"
-#include "flags.h"
 #include "outputs.h"
 
 namespace command {
@@ -48,11 +47,11 @@ std::vector<Surveyed> survey(const DatasetInfoOptions& o, const vsplat::DataSet&
     try {
       std::string bad;
       object.numbers = set.survey(i, o.check ? -1 : 4, bad);
-      for (const auto& what : ordered_json::parse(bad)) object.bad.push_back(with_flags(what.get<std::string>()));
+      for (const auto& what : ordered_json::parse(bad)) object.bad.push_back(what.get<std::string>());
     } catch (const vsplat::Error& e) {
       if (!is_about_data(e)) throw;
       object.usable = false;
-      object.bad.push_back(with_flags(e.what()));
+      object.bad.push_back(e.what());
     }
   }
   clear_progress();

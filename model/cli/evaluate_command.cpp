@@ -6,7 +6,6 @@
 
 #include "command.h"
 #include "evaluate_table.h"
-#include "flags.h"
 #include "naming.h"
 #include "outputs.h"
 #include "placement_options.h"
@@ -129,7 +128,7 @@ class Kept {
 
   [[noreturn]] void end(const vsplat::Error& error, std::size_t all) const {
     const bool cancelled = error.status() == VSPLAT_ERROR_CANCELLED;
-    const std::string why = cancelled ? "interrupted" : with_flags(error.what());
+    const std::string why = cancelled ? "interrupted" : error.what();
     if (!objects_.empty()) print(options_, session_, {objects_, mean_of(objects_), why});
     if (cancelled)
       throw std::runtime_error("interrupted after " + std::to_string(objects_.size()) + " of " + std::to_string(all) +

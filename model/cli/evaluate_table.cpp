@@ -14,7 +14,6 @@
 #include <tuple>
 #include <vsplat/vsplat.hpp>
 
-#include "flags.h"
 #include "outputs.h"
 #include "session.h"
 

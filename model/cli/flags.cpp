@@ -5,21 +5,21 @@
 #include <vsplat/fit.h>
 #include <vsplat/train.h>
 #include <vsplat/tune.h>
-#include <vsplat/vsplat.h>
 
-#include <string_view>
+#include <vector>
+#include <vsplat/vsplat.hpp>
 
 namespace command {
 namespace {
 
 struct Flag {
-  std::string_view name, flag;
+  const char *field, *flag;
 };
 
-// The name as in messages. A name that the library does not have fails to compile.
+// A field or function that the library does not have fails to compile.
 template <auto>
-constexpr Flag flag(const char* name, const char* flag) {
-  return {name, flag};
+constexpr Flag flag(const char* field, const char* flag) {
+  return {field, flag};
 }
 #define FIELD(options, field, text) flag<&options::field>(#options "." #field, text)
 #define FUNCTION(name, text) flag<&name>(#name, text)
@@ -75,6 +75,8 @@ constexpr Flag flags[] = {
     FUNCTION(vsplat_mesh_load, "--texture"),
     FUNCTION(vsplat_model_init, "`vsplat init`"),
     FUNCTION(vsplat_model_load, "--model"),
+    FUNCTION(vsplat_scene_surfels_to_gaussians, "`vsplat convert --surfels-to-gaussians`"),
+    FUNCTION(vsplat_selftest, "`vsplat selftest`"),
     FUNCTION(vsplat_set_host_memory, "--max-host-memory"),
     FUNCTION(vsplat_train, "`vsplat train`"),
     FUNCTION(vsplat_train_plan, "--dry-run"),
@@ -84,33 +86,12 @@ constexpr Flag flags[] = {
 #undef FIELD
 #undef FUNCTION
 
-// Characters of a name. A known name next to more of them is part of another name or of a path.
-bool in_name(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
-         c == '/' || c == '-';
-}
-
-std::string_view flag_of(std::string_view name) {
-  for (const Flag& known : flags)
-    if (name == known.name) return known.flag;
-  return {};
-}
-
 }  // namespace
 
-std::string with_flags(const std::string& text) {
-  std::string out;
-  for (std::size_t at = 0; at < text.size();) {
-    std::size_t end = at;
-    while (end < text.size() && in_name(text[end])) ++end;
-    std::size_t name_end = end;
-    while (name_end > at && text[name_end - 1] == '.') --name_end;  // end of a sentence
-    const std::string_view name(text.data() + at, name_end - at), flag = flag_of(name);
-    out += flag.empty() ? name : flag;
-    out.append(text, name_end, end - name_end);
-    for (at = end; at < text.size() && !in_name(text[at]); ++at) out += text[at];
-  }
-  return out;
+void name_options() {
+  std::vector<const char*> fields, names;
+  for (const Flag& each : flags) fields.push_back(each.field), names.push_back(each.flag);
+  vsplat::check(vsplat_option_names_set(fields.data(), names.data(), fields.size()));
 }
 
 }  // namespace command

@@ -1,12 +1,9 @@
-// The library's messages name the fields and functions of its interface; here these become the command's options.
+// The library's messages name options: here by those of this command.
 #pragma once
-#include <string>
 
 namespace command {
 
-// Returns `text` with each field of an options struct (vsplat_input_options.force) and each function
-// (vsplat_views_load) replaced by the option of this command that stands for it (--force, --pictures). Other names
-// stay.
-std::string with_flags(const std::string& text);
+// From here on, messages name --force rather than vsplat_input_options.force.
+void name_options();
 
 }  // namespace command

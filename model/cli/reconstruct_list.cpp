@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "flags.h"
 #include "outputs.h"
 #include "scene_file.h"
 #include "session.h"
@@ -146,7 +145,7 @@ void reconstruct_list(const ListRequest& request) {
       input.emplace(model, vsplat::Views::load(object.views, request.views), request.input);
     } catch (const vsplat::Error& e) {
       if (e.status() == VSPLAT_ERROR_CANCELLED) throw;
-      object.error = with_flags(e.what());
+      object.error = e.what();
       object.seconds = elapsed_seconds() - begun;
       return;
     }
@@ -154,7 +153,7 @@ void reconstruct_list(const ListRequest& request) {
       object.scene = vsplat::reconstruct(device, model, *input, run);
     } catch (const vsplat::Error& e) {
       if (!is_about_object(e)) throw;
-      object.error = with_flags(e.what());
+      object.error = e.what();
     }
     object.seconds = elapsed_seconds() - begun;
   };

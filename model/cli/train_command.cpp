@@ -8,7 +8,6 @@
 #include <vsplat/vsplat.hpp>
 
 #include "arguments.h"
-#include "flags.h"
 #include "naming.h"
 #include "session.h"
 
@@ -234,7 +233,7 @@ void train(TrainOptions& o) {
   options.skip_bad = o.skip_bad;
   options.textures = o.textures.empty() ? nullptr : o.textures.c_str();
   options.on_progress = tell;
-  options.on_message = [](void* user, const char* text) { say(*static_cast<const Common*>(user), with_flags(text)); };
+  options.on_message = [](void* user, const char* text) { say(*static_cast<const Common*>(user), text); };
   options.go_on = [](void*) -> int32_t { return interrupted() ? 0 : 1; };
   options.user = const_cast<Common*>(&o.common);
   options.selection = o.selection.empty() ? nullptr : o.selection.c_str();

@@ -17,6 +17,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/roots.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -159,8 +160,8 @@ std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
     fail(e.status(), "{}: its texture: {}", path_, e.what());
   }
   if (file.empty())
-    fail(Status::input, "{}: its texture {} is missing ({}); add the file, or give another texture to vsplat_mesh_load",
-         path_, printable(name), files_.where_looked(name));
+    fail(Status::input, "{}: its texture {} is missing ({}); add the file, or give another texture ({})", path_,
+         printable(name), files_.where_looked(name), Option::texture);
   roots_.need(file, path_ + ": its texture");
   return known = texture_of(*ImageFile(file.string()).rows());
 }
@@ -199,8 +200,8 @@ Material MeshReader::material(const MeshMaterial& from) {
 void MeshReader::take_materials(Unpacker& in) {
   const std::string& lost = reader_.missing();
   if (!lost.empty() && !everywhere_ && extension_of(lost) == ".mtl")
-    fail(Status::input, "{}: its material file {} is missing; add the file, or give a texture to vsplat_mesh_load",
-         path_, printable(lost));
+    fail(Status::input, "{}: its material file {} is missing; add the file, or give a texture ({})", path_,
+         printable(lost), Option::texture);
   if (!mesh_.palette.empty()) throw read::BadMessage("materials twice");
   for (auto left = in.get<std::uint32_t>(); left > 0; --left)
     mesh_.palette.push_back(material(read::unpack_material(in)));

@@ -20,6 +20,7 @@
 #include "model/render/render.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -65,20 +66,18 @@ Scores mean_of(const std::vector<ObjectScores>& objects) {
 
 void Evaluator::check() const {
   if (options_.request.judged > 0 && (judged() < kSmallestJudged || judged() > kLargestJudged))
-    fail(Status::usage,
-         "vsplat_evaluate_options.picture_size is {}: pictures that are compared have {} to {} pixels an edge",
+    fail(Status::usage, "{} is {}: pictures that are compared have {} to {} pixels an edge", Option::evaluate_size,
          judged(), kSmallestJudged, kLargestJudged);
   if (const int most = config_.taken().most; options_.request.inputs < 0 || options_.request.inputs > most)
-    fail(Status::usage, "vsplat_evaluate_options.view_count is {}: {} takes 1 to {}", options_.request.inputs,
+    fail(Status::usage, "{} is {}: {} takes 1 to {}", Option::evaluate_view_count, options_.request.inputs,
          config_.network(), most);
   if (!(options_.pose_noise >= 0 && options_.pose_noise <= 1))
-    fail(Status::usage, "vsplat_evaluate_options.pose_noise is {}: 0 to 1 expected", options_.pose_noise);
+    fail(Status::usage, "{} is {}: 0 to 1 expected", Option::pose_noise, options_.pose_noise);
   if (options_.pose_draws < 1 || options_.pose_draws > 1000)
-    fail(Status::usage, "vsplat_evaluate_options.pose_draws is {}: 1 to 1000 expected", options_.pose_draws);
+    fail(Status::usage, "{} is {}: 1 to 1000 expected", Option::pose_draws, options_.pose_draws);
   if (options_.pose_noise > 0 && options_.refine)
-    fail(Status::usage,
-         "vsplat_evaluate_options.refine is not measured under vsplat_evaluate_options.pose_noise: it moves the scene "
-         "by the listed poses");
+    fail(Status::usage, "{} is not measured under {}: it moves the scene by the listed poses", Option::evaluate_fit,
+         Option::pose_noise);
   for (const Lpips* lpips : lpips_)
     if (lpips->smallest() > judged())
       fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "runtime/option.h"
+
 namespace vsplat {
 namespace {
 
@@ -41,8 +43,8 @@ std::string doubts_about_cube(const std::vector<double>& shares, std::size_t unm
   return fmt::format(
       "{} of the {} pictures have neither mask nor alpha, and {:.0f} % of what they show lies beside the object's "
       "cube: the fit imitates it with fog in front of the cameras. Give masks (mask_path, or a folder masks/), or a "
-      "larger cube (vsplat_input_options.scale)",
-      unmasked, pictures, 100 * mean);
+      "larger cube ({})",
+      unmasked, pictures, 100 * mean, Option::scale);
 }
 
 }  // namespace vsplat

@@ -1,6 +1,7 @@
 #include "model/fit/fit_plan.h"
 
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -24,10 +25,9 @@ std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, c
   if (peak > limit)
     fail(Status::memory,
          "not enough device memory: {} Gaussians fitted to pictures of {} x {} pixels take {:.4g} GiB, {:.4g} GiB may "
-         "be used (vsplat_device_options.max_memory_gib; fewer vsplat_fit_options.max_gaussians or a smaller "
-         "vsplat_fit_options.longest take less)",
+         "be used ({}; fewer {} or a smaller {} take less)",
          std::max(options.max_gaussians, static_cast<long>(start.count)), camera.width, camera.height, gib(peak),
-         gib(limit));
+         gib(limit), Option::max_memory, Option::max_gaussians, Option::longest);
   return limit - peak;
 }
 

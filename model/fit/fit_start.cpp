@@ -9,6 +9,7 @@
 #include "model/base/rng.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -70,9 +71,8 @@ Scene scene_from_points(std::span<const ColoredPoint> points, const Placement& p
     if (((point.position - placement.centre) / placement.edge).cwiseAbs().maxCoeff() <= 0.5) inside.push_back(&point);
   if (inside.empty())
     fail(Status::input,
-         "none of the {} points lies in the object's cube, centre {}, edge {:.6g}: set it with "
-         "vsplat_input_options.center and vsplat_input_options.scale",
-         points.size(), to_text(placement.centre), placement.edge);
+         "none of the {} points lies in the object's cube, centre {}, edge {:.6g}: set it with {} and {}",
+         points.size(), to_text(placement.centre), placement.edge, Option::center, Option::scale);
   const std::size_t n = most > 0 ? std::min(inside.size(), static_cast<std::size_t>(most)) : inside.size();
   info("{} of the {} points lie in the object's cube{}", inside.size(), points.size(),
        n < inside.size() ? fmt::format(", {} of them are used", n) : "");

@@ -16,6 +16,7 @@
 #include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/profile/profiler.h"
 
 namespace vsplat {
@@ -70,15 +71,15 @@ std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, cons
     return out;
   }
   if (holdout.kind == Kind::named) {
-    const std::vector<int> out = listed_views(set, holdout.names, "vsplat_fit_options.holdout_names");
+    const std::vector<int> out = listed_views(set, holdout.names, Option::holdout_names);
     for (const int view : out)
       if (std::find(used.begin(), used.end(), view) == used.end())
-        fail(Status::usage, "vsplat_fit_options.holdout_names: {} is not among the views that are used",
+        fail(Status::usage, "{}: {} is not among the views that are used", Option::holdout_names,
              set.views[static_cast<std::size_t>(view)].name);
     return out;
   }
   if (holdout.count < 1 || holdout.count >= n)
-    fail(Status::usage, "vsplat_fit_options.holdout_count is {}: of {} views 1 to {} can be held out", holdout.count, n,
+    fail(Status::usage, "{} is {}: of {} views 1 to {} can be held out", Option::holdout_count, holdout.count, n,
          n - 1);
   return spread(used, holdout.count);
 }
@@ -102,7 +103,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
       pictures(p, to_world, request.longest, kPictureCap) {
   const auto begun = Clock::now();
-  used = listed_views(p.set, request.names, "vsplat_fit_options.names");
+  used = listed_views(p.set, request.names, Option::fit_views);
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
@@ -121,10 +122,8 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
     from = load_fit_checkpoint(request.checkpoint, request_text);
   }
   if (from && !request.resume)
-    fail(Status::usage,
-         "{}: there is the state of a fit already; vsplat_fit_options.resume goes on with it, another folder "
-         "begins again",
-         fit_checkpoint_path(request.checkpoint));
+    fail(Status::usage, "{}: there is the state of a fit already; {} goes on with it, another folder begins again",
+         fit_checkpoint_path(request.checkpoint), Option::fit_resume);
   warn_of_background();
   if (from)
     go_on(*from);

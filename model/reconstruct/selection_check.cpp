@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "runtime/option.h"
+
 namespace vsplat {
 namespace {
 
@@ -47,15 +49,15 @@ bool shows_background(std::span<const PreparedView> views) {
 std::string doubts_about(const SelectedShares& shares, int volume, bool background) {
   if (volume < least_volume || shares.faces <= (background ? most_with_background : most_cut_out)) return "";
   return fmt::format(
-      "{:.0f} % of the voxels were selected, and {:.0f} % of those at the cube's faces, where an object in its cube "
-      "has few: {}vsplat_input_options.center and vsplat_input_options.scale place the cube, "
-      "vsplat_input_options.auto_frame estimates it",
+      "{:.0f} % of the voxels were selected, and {:.0f} % of those at the cube's faces, where an object in its "
+      "cube has few: {}{} and {} place the cube, {} estimates it",
       100 * shares.all, 100 * shares.faces,
       background
           ? "the pictures seem to show their background, which is taken for the object. Give them alpha or masks "
             "(mask_path, or a folder masks/). Besides, "
           : "the object seems to be larger than the cube or beside it, and is cut off (or is a box that fills "
-            "it). ");
+            "it). ",
+      Option::center, Option::scale, Option::auto_frame);
 }
 
 }  // namespace vsplat

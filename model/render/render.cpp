@@ -7,6 +7,7 @@
 #include "model/render/reserve.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -125,10 +126,9 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
     } else {
       fail(Status::memory,
            "not enough device memory: {} of {} Gaussians touch the tile of 16 x 16 pixels at {}, {} of {} x {}, which "
-           "cannot be drawn in the {:.4g} GiB that may be used (vsplat_device_options.max_memory_gib) beside the "
-           "{:.4g} GiB in use",
+           "cannot be drawn in the {:.4g} GiB that may be used ({}) beside the {:.4g} GiB in use",
            count.gaussians, scene.count, part.x0 * kTile, part.y0 * kTile, camera.width, camera.height,
-           gib(ctx.memory().limits().total), gib(ctx.memory().live()));
+           gib(ctx.memory().limits().total), Option::max_memory, gib(ctx.memory().live()));
     }
   }
 }

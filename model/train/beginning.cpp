@@ -9,6 +9,7 @@
 #include "model/networks/params/init.h"
 #include "model/networks/params/model_file.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -133,19 +134,17 @@ Beginning from_model(const TrainConfig& config, const std::string& path) {
 
 Beginning begin(const TrainConfig& config, const BeginningRequest& request) {
   if (!request.extend.empty() && !request.resume)
-    fail(Status::usage, "vsplat_train_options.extend needs vsplat_train_options.resume: it continues a training");
+    fail(Status::usage, "{} needs {}: it continues a training", Option::extend, Option::train_resume);
   std::optional<Checkpoint> found;
   if (fs::exists(request.output)) found = newest_checkpoint(request.output);
   if (found && !request.resume)
     fail(Status::usage,
-         "{}: holds a training's checkpoints already (step {}): vsplat_train_options.resume continues from them; or "
-         "name another folder",
-         request.output, found->step);
+         "{}: holds a training's checkpoints already (step {}): {} continues from them; or name another folder",
+         request.output, found->step, Option::train_resume);
   if (found) return {continued(std::move(*found), config, request), ""};
   if (!request.extend.empty())
-    fail(Status::usage,
-         "{}: holds no checkpoint that vsplat_train_options.extend could continue from; train first, then extend",
-         request.output);
+    fail(Status::usage, "{}: holds no checkpoint that {} could continue from; train first, then extend", request.output,
+         Option::extend);
   if (request.init.empty()) return {random_beginning(config), ""};
   return from_model(config, request.init);
 }

@@ -8,6 +8,7 @@
 #include "model/ops/volume/select.h"
 #include "model/train/half_size.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/tuning/held_tuning.h"
 #include "runtime/units.h"
 
@@ -46,8 +47,8 @@ Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start, Role role) {
   if (planner->memory().peak() > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: the weights, their gradients and the optimiser's state take {:.3f} GiB, {:.3f} GiB "
-         "may be used (vsplat_device_options.max_memory_gib, a smaller model or another device)",
-         gib(planner->memory().peak()), gib(ctx.memory().limits().total));
+         "may be used ({}, a smaller model or another device)",
+         gib(planner->memory().peak()), gib(ctx.memory().limits().total), Option::max_memory);
   ctx.memory().commit(planner->memory());
   return ctx;
 }

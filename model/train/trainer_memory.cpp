@@ -6,6 +6,7 @@
 #include "model/render/reserve.h"
 #include "model/train/trainer.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -47,9 +48,9 @@ void Trainer::make_memory(Context& ctx, const Network& network, const StepObject
     run(*planner);
     fail(Status::memory,
          "not enough device memory: with {} of {} {} selected and {} views a step needs {:.3f} GiB, {:.3f} GiB may "
-         "be used (vsplat_device_options.max_memory_gib, fewer views, a smaller model or another device)",
+         "be used ({}, fewer views, a smaller model or another device)",
          memory.selected, config_.model.selectable(), config_.model.selects(), count, gib(planner->memory().peak()),
-         gib(ctx.memory().limits().total));
+         gib(ctx.memory().limits().total), Option::max_memory);
   }
   memory.views = count;
 }

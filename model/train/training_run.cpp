@@ -19,6 +19,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/file.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/profile/profiler.h"
 #include "runtime/tuning/held_tuning.h"
 #include "runtime/units.h"
@@ -34,19 +35,17 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 // Refuses reduced precision: there are no gradients for rounded products.
 void refuse_mixed(const Context& ctx) {
   if (ctx.precision() != Precision::fp32)
-    fail(Status::usage,
-         "training computes in fp32, and the device was opened in {} precision: take fp32 as "
-         "vsplat_device_options.precision",
-         name_of(ctx.precision()));
+    fail(Status::usage, "training computes in fp32, and the device was opened in {} precision: take fp32 as {}",
+         name_of(ctx.precision()), Option::precision);
 }
 
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
   fail(Status::memory,
        "not enough device memory for training: its network alone takes {:.3f} GiB of the {:.3f} GiB that may be used "
-       "(vsplat_device_options.max_memory_gib, vsplat_train_options.assume_selected, fewer views, a smaller model or "
-       "another device; vsplat_train_plan tells more){}",
-       gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
+       "({}, {}, fewer views, a smaller model or another device; {} tells more){}",
+       gib(plan.peak), gib(ctx.memory().limits().total), Option::max_memory, Option::train_assume_selected,
+       Option::train_plan, plan.problem.empty() ? "" : "; " + plan.problem);
 }
 
 // log.csv: a line per progress report, up to the step that a continuation starts at.
@@ -364,7 +363,7 @@ StepReport step(Trainer& trainer, const std::vector<TrainingViews>& views,
 std::string going_on(const TrainConfig& config, long step) {
   const long all = total_steps(config.schedule);
   if (step < all) return fmt::format("going on from step {}", step);
-  return fmt::format("all {} steps are done; vsplat_train_options.extend continues after them", all);
+  return fmt::format("all {} steps are done; {} continues after them", all, Option::extend);
 }
 
 // Whether an action is due that happens every `period` steps and after the last.
@@ -386,9 +385,9 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const std::optional<std::vector<int>> selection = forced_selection(config, options.selection);
   if (!options.helpers.empty() && config.parts == 1)
     fail(Status::usage,
-         "vsplat_train_options.more_devices: {} devices share the parts of a step, but the configuration's parts is 1: "
-         "2 to {} (batch x accumulate) expected",
-         options.helpers.size() + 1, config.batch * config.accumulate);
+         "{}: {} devices share the parts of a step, but the configuration's parts is 1: 2 to {} (batch x accumulate) "
+         "expected",
+         Option::train_devices, options.helpers.size() + 1, config.batch * config.accumulate);
   if (options.leader) options.leader->begin(start);
   Trainer trainer(ctx, start, planned_of(selection, options.planned_selected), options.helpers,
                   options.leader ? &options.leader->ranks() : nullptr);

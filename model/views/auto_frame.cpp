@@ -9,6 +9,7 @@
 #include "model/base/statistics.h"
 #include "model/views/point_cube.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -42,8 +43,8 @@ Eigen::Vector3d nearest_point(std::vector<Ray> rays) {
     if (eigen.eigenvalues()[0] < 1e-4)  // directions within about half a degree of each other
       fail(Status::input,
            "the object cannot be found from {}: the viewing directions are parallel; say where it is with "
-           "vsplat_input_options.center and vsplat_input_options.scale",
-           rays.size() == 1 ? "one view" : "these views");
+           "{} and {}",
+           rays.size() == 1 ? "one view" : "these views", Option::center, Option::scale);
     const Eigen::Vector3d next = A.ldlt().solve(b);
     std::vector<double> reach(rays.size()), distance(rays.size());
     for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -232,10 +233,8 @@ EstimatedPlacement auto_frame(std::span<const Camera> cameras, std::span<const s
     out.from += ", made smaller to stay in front of every camera";
   }
   if (!(edge > 0) || !std::isfinite(edge))
-    fail(Status::input,
-         "the object's size cannot be found from these views: the cameras are at its centre {}; give "
-         "vsplat_input_options.scale",
-         to_text(out.placement.centre));
+    fail(Status::input, "the object's size cannot be found from these views: the cameras are at its centre {}; give {}",
+         to_text(out.placement.centre), Option::scale);
   return out;
 }
 

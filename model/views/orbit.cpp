@@ -10,6 +10,7 @@
 #include "model/base/statistics.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -59,13 +60,12 @@ std::vector<Camera> cameras_on(const Circle& circle, int count, int width, int h
 void apply(const OrbitOptions& options, Circle& circle) {
   if (options.radius) {
     if (!(*options.radius > 0) || !std::isfinite(*options.radius))
-      fail(Status::usage, "vsplat_orbit_options.radius is {}, a positive number is expected", *options.radius);
+      fail(Status::usage, "{} is {}, a positive number is expected", Option::orbit_radius, *options.radius);
     circle.radius = *options.radius;
   }
   if (options.elevation_deg) {
     if (!(std::abs(*options.elevation_deg) <= 90))
-      fail(Status::usage, "vsplat_orbit_options.elevation is {}, -90 to 90 degrees are expected",
-           *options.elevation_deg);
+      fail(Status::usage, "{} is {}, -90 to 90 degrees are expected", Option::orbit_elevation, *options.elevation_deg);
     circle.elevation = *options.elevation_deg * M_PI / 180;
   }
 }
@@ -74,7 +74,7 @@ std::optional<Vector3d> asked_up(const OrbitOptions& options) {
   if (!options.up) return std::nullopt;
   const double length = options.up->norm();
   if (!(length > 1e-12) || !std::isfinite(length))
-    fail(Status::usage, "vsplat_orbit_options.up is no direction: three numbers, not all 0, are expected");
+    fail(Status::usage, "{} is no direction: three numbers, not all 0, are expected", Option::up);
   return *options.up / length;
 }
 
@@ -270,8 +270,8 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& 
   apply(options, circle);
   if (options.edge > 0) circle.fov = std::max(circle.fov, view_of_cube(options.edge, usual, circle.elevation));
   if (!(circle.radius > 0))
-    fail(Status::input, "the cameras are at the object's centre {}, {}, {}: give vsplat_orbit_options.radius",
-         centre.x(), centre.y(), centre.z());
+    fail(Status::input, "the cameras are at the object's centre {}, {}, {}: give {}", centre.x(), centre.y(),
+         centre.z(), Option::orbit_radius);
   Vector3d start = inputs[0].centre() - centre;
   start -= start.dot(circle.up) * circle.up;
   circle.start = start.norm() > 1e-6 * circle.radius ? start.normalized() : across(circle.up);

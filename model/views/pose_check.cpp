@@ -12,6 +12,7 @@
 #include "model/views/auto_frame.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -163,13 +164,13 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   } else if (!swaps.empty()) {
     text += fmt::format("; it would be in the picture of all if the poses were meant as {}: correct the poses", swaps);
   } else {
-    text +=
-        "; no swap of axes or of directions puts it into all of them: give vsplat_input_options.center and "
-        "vsplat_input_options.scale, or vsplat_input_options.auto_frame, which estimates them even if the list has "
-        "others";
+    text += fmt::format(
+        "; no swap of axes or of directions puts it into all of them: give {} and {}, or {}, which estimates them "
+        "even if the list has others",
+        Option::center, Option::scale, Option::auto_frame);
   }
   if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force.value_or(false))
-    fail(Status::input, "{}{}", text, force ? " (vsplat_input_options.force continues regardless)" : "");
+    fail(Status::input, "{}{}", text, force ? fmt::format(" ({} continues regardless)", Option::force) : "");
   warn("{}", text);
 }
 
@@ -223,10 +224,9 @@ void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& pl
     const double nearest = c.w2c(2, 3) - 0.5 * c.w2c.row(2).head<3>().cwiseAbs().sum();
     if (nearest > 0) continue;
     const std::string advice =
-        c.w2c(2, 3) > 0
-            ? fmt::format("; an edge (vsplat_input_options.scale) under {:.4g} would leave it in front",
-                          placement.edge * c.w2c(2, 3) / (c.w2c(2, 3) - nearest))
-            : std::string("; its centre too: place it with vsplat_input_options.center, or leave this view out");
+        c.w2c(2, 3) > 0 ? fmt::format("; an edge ({}) under {:.4g} would leave it in front", Option::scale,
+                                      placement.edge * c.w2c(2, 3) / (c.w2c(2, 3) - nearest))
+                        : fmt::format("; its centre too: place it with {}, or leave this view out", Option::center);
     fail(Status::input,
          "view {} ({}): a corner of the object's cube, centre {} and edge {:.6g}, is behind the camera{}", i, c.file,
          to_text(placement.centre), placement.edge, advice);

@@ -8,6 +8,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 namespace {
@@ -69,13 +70,13 @@ std::string suggestions(const ViewSet& set, const std::string& name) {
   return out;
 }
 
-int find_view(const ViewSet& set, const std::string& name, const char* field) {
+int find_view(const ViewSet& set, const std::string& name, Option option) {
   const int count = static_cast<int>(set.views.size());
   if (name.size() > 1 && name[0] == '@') {
     int index = -1;
     const auto [end, error] = std::from_chars(name.data() + 1, name.data() + name.size(), index);
     if (error != std::errc() || end != name.data() + name.size() || index < 0 || index >= count)
-      fail(Status::usage, "{} {}: {} lists {} views, @0 to @{}", field, name, set.source.string(), count, count - 1);
+      fail(Status::usage, "{} {}: {} lists {} views, @0 to @{}", option, name, set.source.string(), count, count - 1);
     return index;
   }
   const std::string normal = fs::path(name).lexically_normal().string();
@@ -86,24 +87,24 @@ int find_view(const ViewSet& set, const std::string& name, const char* field) {
     if (found.size() == 1) return found[0];
     if (found.size() > 1)
       fail(Status::usage,
-           "{} {}: {} views of {} have that name: {} (@{}) and {} (@{}); give the path as listed, or @INDEX", field,
+           "{} {}: {} views of {} have that name: {} (@{}) and {} (@{}); give the path as listed, or @INDEX", option,
            name, found.size(), set.source.string(), set.views[found[0]].name, found[0], set.views[found[1]].name,
            found[1]);
   }
-  fail(Status::usage, "{} {}: no such view among the {} that {} lists{}", field, name, count, set.source.string(),
+  fail(Status::usage, "{} {}: no such view among the {} that {} lists{}", option, name, count, set.source.string(),
        suggestions(set, name));
 }
 
-std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>& names, const char* field) {
+std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>& names, Option option) {
   std::vector<int> out;
   for (const std::string& name : names) {
-    const int index = find_view(set, name, field);
+    const int index = find_view(set, name, option);
     need_good(set.views[index]);
     if (set.views[index].picture.empty())
-      fail(Status::usage, "{} {}: {} lists {} but its picture is not there", field, name, set.source.string(),
+      fail(Status::usage, "{} {}: {} lists {} but its picture is not there", option, name, set.source.string(),
            set.views[index].name);
     if (std::find(out.begin(), out.end(), index) != out.end())
-      fail(Status::usage, "{} {}: {} is named twice", field, name, set.views[index].name);
+      fail(Status::usage, "{} {}: {} is named twice", option, name, set.views[index].name);
     out.push_back(index);
   }
   return out;
@@ -126,15 +127,15 @@ void need_masks(const ViewSet& set, const std::vector<int>& views) {
     if (const auto& mask = set.views[i].mask; mask && !fs::is_regular_file(*mask, error))
       fail(Status::file,
            "{}: no such file; it is the mask of {}{}{}: make the masks that are missing, or {} to use none, or leave "
-           "these pictures out (vsplat_views_options.skip_bad)",
+           "these pictures out ({})",
            mask->string(), set.views[i].name, set.masks_found.empty() ? "" : "; ", set.masks_found,
-           set.lists_masks ? "take mask_path out of the list" : "give the folder of masks another name");
+           set.lists_masks ? "take mask_path out of the list" : "give the folder of masks another name",
+           Option::skip_bad_views);
 }
 
 void tell_left_over(std::size_t used, int found) {
   if (used < max_views)
-    info("{} of {} pictures used; vsplat_input_options.view_count {} uses more", used, found,
-         std::min(found, max_views));
+    info("{} of {} pictures used; {} {} uses more", used, found, Option::view_count, std::min(found, max_views));
   else
     info("{} of {} pictures used, as many as the network takes", used, found);
 }
@@ -197,10 +198,9 @@ std::vector<int> spread_views(const ViewSet& set, std::span<const int> among, in
 
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
   if (request.names.empty() && (request.wanted < 1 || request.wanted > max_views))
-    fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", request.wanted, max_views);
+    fail(Status::usage, "{} is {}, the network takes 1 to {}", Option::view_count, request.wanted, max_views);
   if (request.names.size() > max_views)
-    fail(Status::usage, "vsplat_input_options.names has {} views, the network takes 1 to {}", request.names.size(),
-         max_views);
+    fail(Status::usage, "{} has {} views, the network takes 1 to {}", Option::views, request.names.size(), max_views);
   if (!request.names.empty()) return listed_views(set, request.names);
   const std::vector<int> all = with_pictures(set);
   std::vector<int> out = spread_views(set, all, request.wanted);
@@ -213,8 +213,8 @@ std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
   return out;
 }
 
-std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names, const char* field) {
-  std::vector<int> out = names.empty() ? with_pictures(set) : named_views(set, names, field);
+std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names, Option option) {
+  std::vector<int> out = names.empty() ? with_pictures(set) : named_views(set, names, option);
   need_masks(set, out);
   return out;
 }

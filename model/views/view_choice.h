@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "model/io/views/view_set.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 
@@ -38,10 +39,9 @@ struct ViewRequest {
 // left.
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request);
 
-// The named views, as in ViewRequest but in any number, or all views with a picture. Errors as choose_views(); `field`
-// is the name of the option in messages.
-std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names,
-                              const char* field = "vsplat_input_options.names");
+// The named views, as in ViewRequest but in any number, or all views with a picture. Errors as choose_views(), about
+// `option`.
+std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names, Option option = Option::views);
 
 // `wanted` of these views: the one nearest to the mean of each of `wanted` groups; all if there are no more than that.
 std::vector<int> spread_views(const ViewSet& set, std::span<const int> among, int wanted);

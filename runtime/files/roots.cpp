@@ -7,6 +7,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/files/file_rules.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -47,9 +48,9 @@ void Roots::need(const fs::path& file, const std::string& who) {
   std::error_code problem;
   const std::string real = fs::weakly_canonical(file, problem).string();
   fail(Status::file,
-       "{} {} lies outside {} (after following links, it is {}); put it inside, or permit files outside "
-       "(vsplat_file_rules.allow_outside) if its origin is trusted",
-       who, printable(file.string()), fmt::join(named_, ", "), printable(real));
+       "{} {} lies outside {} (after following links, it is {}); put it inside, or permit files outside ({}) if its "
+       "origin is trusted",
+       who, printable(file.string()), fmt::join(named_, ", "), printable(real), Option::allow_outside);
 }
 
 }  // namespace vsplat

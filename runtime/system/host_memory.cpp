@@ -4,6 +4,7 @@
 #include <mutex>
 
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/system/system.h"
 
 namespace vsplat {
@@ -52,8 +53,8 @@ HostMemory::HostMemory(const std::string& what, double bytes) {
   if (!(bytes <= static_cast<double>(left)))
     fail(Status::memory,
          "{} takes {:.4g} GiB of the host's memory; {:.4g} GiB are left of the {:.4g} GiB that may be used "
-         "(vsplat_set_host_memory)",
-         what, gib(bytes), gib(static_cast<double>(left)), gib(static_cast<double>(limit)));
+         "({})",
+         what, gib(bytes), gib(static_cast<double>(left)), gib(static_cast<double>(limit)), Option::max_host_memory);
   bytes_ = static_cast<std::size_t>(bytes);
   reserved += bytes_;
 }

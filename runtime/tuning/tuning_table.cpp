@@ -15,6 +15,7 @@
 #include "runtime/files/output_file.h"
 #include "runtime/files/private_folder.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 #include "runtime/program.h"
 #include "runtime/system/environment.h"
@@ -70,8 +71,8 @@ class Reader {
   explicit Reader(const std::string& path) : path_(path) {}
 
   [[noreturn]] void wrong(const std::string& field, const std::string& found, const std::string& expected) const {
-    fail(Status::format, "{}: {} is {}, {} expected in a table of vsplat_tune", path_, field, printable(found),
-         expected);
+    fail(Status::format, "{}: {} is {}, {} expected in a table of {}", path_, field, printable(found), expected,
+         Option::tune);
   }
 
   const Json& at(const Json& in, const std::string& field, const char* name, Json::value_t type) const {
@@ -165,7 +166,7 @@ TuningTable read_tuning(const std::string& path) {
   std::error_code error;
   const auto size = fs::file_size(path, error);
   std::ifstream in(path, std::ios::binary);
-  if (error || !in) fail(Status::file, "{}: cannot be read as a table of vsplat_tune", path);
+  if (error || !in) fail(Status::file, "{}: cannot be read as a table of {}", path, Option::tune);
   if (size > kLargestTable) fail(Status::format, "{}: {} bytes, a table has at most {}", path, size, kLargestTable);
   std::stringstream text;
   text << in.rdbuf();
@@ -264,8 +265,8 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
     if (table.of != here)
       fail(Status::usage,
            "{} (VSPLAT_TUNING) is a table for {}; this is {}: unset VSPLAT_TUNING to use each device's own table of "
-           "vsplat_tune, or set VSPLAT_TUNING=off",
-           asked, text_of(table.of), text_of(here));
+           "{}, or set VSPLAT_TUNING=off",
+           asked, text_of(table.of), text_of(here), Option::tune);
     return std::make_shared<const Tuning>(table.choice);
   }
   // Most devices have no table; then nothing needs to be hashed.
@@ -282,7 +283,7 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
     if (table.of != here) fail(Status::format, "{}: a table for {}", path, text_of(table.of));
     return std::make_shared<const Tuning>(table.choice);
   } catch (const Error& e) {
-    warn("no tuned parameters are used: {}; vsplat_tune makes a new table", e.what());
+    warn("no tuned parameters are used: {}; {} makes a new table", e.what(), Option::tune);
     return none;
   }
 }

@@ -12,6 +12,7 @@
 #include "runtime/files/disk_cache.h"
 #include "runtime/files/sha256.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/program.h"
 #include "runtime/system/environment.h"
 #include "runtime/tuning/kept_finding.h"
@@ -107,8 +108,8 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   } catch (const nlohmann::json::exception&) {  // written by another version
     return std::nullopt;
   } catch (const Error& e) {  // an unreadable file counts as no verdict
-    warn_once(fmt::format("a self-test's verdict on {} is not used: {}; vsplat_selftest makes a new one", device.name,
-                          e.what()));
+    warn_once(fmt::format("a self-test's verdict on {} is not used: {}; {} makes a new one", device.name, e.what(),
+                          Option::selftest));
     return std::nullopt;
   }
 }

@@ -285,7 +285,8 @@ class Values:
         if p.base == "char" and p.stars == 1:
             return self.text(short, p)
         if p.base == "char" and p.stars == 2 and p.const:
-            return texts(*{"files": ["0000.png"], "paths": [self.files.set], "runs": [self.files.run]}[p.name])
+            return texts(*{"fields": ["vsplat_device_options.device"], "files": ["0000.png"], "names": ["device"], "paths": [self.files.set],
+                           "runs": [self.files.run]}[p.name])
         if p.base == "vsplat_device" and p.stars:
             return (c.c_void_p * 1)(self.handles["vsplat_device"])
         if p.base in api.headers.prototypes:

@@ -228,6 +228,10 @@ class Module(unittest.TestCase):
                 "voxels holds -1": lambda: device.reconstruct(model, views.prepare(model), voxels=[-1])}.items():
             with self.assertRaisesRegex(vsplat.UsageError, text):
                 call()
+        with self.assertRaisesRegex(vsplat.Error, r"\"quantum\" \(device\)"):
+            vsplat.Device("quantum")
+        with self.assertRaisesRegex(vsplat.UsageError, "^names nobody: no such view"):
+            views.prepare(model, names=["nobody"])
         for made in (lambda: vsplat.Scene("a.ply"), lambda: vsplat.Views(7), lambda: copy.copy(scene), lambda: copy.deepcopy(device),
                      lambda: pickle.dumps(model)):
             with self.assertRaises(TypeError):

@@ -125,6 +125,21 @@ class _Struct(c.Structure):
         super().__setattr__(name, value)
 
 
+def _name_options() -> None:
+    """Messages call options as the functions here do."""
+    names = {"vsplat_model_init": "Model.random()", "vsplat_model_load": "Model.load()", "vsplat_views_load": "pictures",
+             "vsplat_device_options.max_memory_gib": "max_memory_gib", "vsplat_fit_options.longest": "longest",
+             "vsplat_fit_options.max_gaussians": "max_gaussians", "vsplat_model_options.fields": "fields",
+             "vsplat_reconstruct_options.seed": "seed", "vsplat_render_options.supersample": "supersample",
+             **{f"vsplat_device_options.{name}": name for name in ("device", "kernels", "precision")},
+             **{f"vsplat_input_options.{name}": name for name in ("auto_frame", "center", "force", "names", "scale", "view_count")}}
+    texts = c.c_char_p * len(names)
+    _call("option_names_set", texts(*map(str.encode, names)), texts(*map(str.encode, names.values())), c.c_size_t(len(names)))
+
+
+_name_options()
+
+
 class _OpenclHandles(_Struct):
     _fields_ = [("size", c.c_size_t), ("context", c.c_void_p), ("device", c.c_void_p), ("queue", c.c_void_p)]
 

@@ -10,6 +10,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/private_folder.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat::tuning {
 namespace {
@@ -36,7 +37,8 @@ TriedTable::TriedTable(const TuningSubject& of, const std::string& path)
   if (path_.empty())
     fail(Status::usage,
          "there is no folder to keep the table in (VSPLAT_CACHE_DIR is off, or others may write to the cache's "
-         "folder): vsplat_tune_options.path names a file");
+         "folder): {} names a file",
+         Option::tune_table);
   // Parallel searches would distort each other's times and overwrite each other's trials.
   const fs::path file(path_), folder = file.parent_path();
   if (of_cache_) {

@@ -16,6 +16,7 @@
 #include "model/io/scene/ply_rows.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -242,8 +243,8 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
       continue;
     }
     if (!skipped)
-      fail(Status::format, "{}: {} (vsplat_scene_load_options.skip_bad leaves such Gaussians out)", path,
-           describe(defect, layout, rows, k));
+      fail(Status::format, "{}: {} ({} leaves such Gaussians out)", path, describe(defect, layout, rows, k),
+           Option::skip_bad_gaussians);
     if (first.empty()) first = describe(defect, layout, rows, k);
     count_defect(defect, *skipped);
   }

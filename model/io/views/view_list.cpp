@@ -18,6 +18,7 @@
 #include "model/io/views/view_checks.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -163,10 +164,9 @@ std::string doubled_names(const fs::path& folder) {
   if (kind.find("picture") != std::string::npos) {
     const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
     fail(Status::format, "{}: is {}, and a list of cameras is expected: {}", text, kind,
-         has_view_list(folder) ? fmt::format("give its folder {}, and the picture's name to "
-                                             "vsplat_input_options.names",
-                                             folder.string())
-                               : how_to_get_poses(folder, folder));
+         has_view_list(folder)
+             ? fmt::format("give its folder {}, and the picture's name as {}", folder.string(), Option::views)
+             : how_to_get_poses(folder, folder));
   }
   if (kind == "a video")
     fail(Status::format, "{}: is a video: take pictures from it (ffmpeg -i {} -vf fps=2 images/%04d.png); {}", text,

@@ -8,6 +8,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/roots.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -30,7 +31,7 @@ void count_pictures(const ViewSet& set, const ReadOptions& options) {
   if (missing == good)
     fail(Status::input, "{}: none of the {} listed pictures is there; the first is {}{}{}", set.source.string(),
          missing, printable(first->name), looked,
-         options.pictures_dir.empty() ? "; give vsplat_views_load their folder" : "");
+         options.pictures_dir.empty() ? fmt::format("; give their folder ({})", Option::pictures) : "");
   warn("{}: {} of {} listed frames have no picture and are skipped; the first is {}{}", set.source.string(), missing,
        set.views.size(), printable(first->name), looked);
 }
@@ -70,8 +71,8 @@ void judge(ViewSet& set, BadViews bad) {
   if (!first || bad == BadViews::keep) return;
   if (count == set.views.size()) need_good(*first);
   if (bad == BadViews::refuse)
-    fail(first->problem_status, "{}; {} of {} views cannot be used, and vsplat_views_options.skip_bad leaves them out",
-         first->problem, count, set.views.size());
+    fail(first->problem_status, "{}; {} of {} views cannot be used, and {} leaves them out", first->problem, count,
+         set.views.size(), Option::skip_bad_views);
   warn("{}: {} of {} views cannot be used and are left out; the first: {}", set.source.string(), count,
        set.views.size(), first->problem);
 }

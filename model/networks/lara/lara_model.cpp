@@ -12,6 +12,7 @@
 #include "model/ops/volume/compact.h"
 #include "model/ops/volume/select.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -178,8 +179,9 @@ LaraResult LaraModel::forward(Context& ctx, const Tensor& images, const std::vec
   if (whole.peak > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: with {} of {} primitives kept the run needs {:.3f} GiB, {:.3f} GiB may be used "
-         "(vsplat_device_options.max_memory_gib, fewer views, a smaller model or another device)",
-         whole.selected, config_.most_primitives(), gib(whole.peak), gib(ctx.memory().limits().total));
+         "({}, fewer views, a smaller model or another device)",
+         whole.selected, config_.most_primitives(), gib(whole.peak), gib(ctx.memory().limits().total),
+         Option::max_memory);
   {
     const auto planner = ctx.planner();
     coarse(*planner, images, cameras, options, nullptr);

@@ -1,6 +1,7 @@
 #include "model/networks/layers/running.h"
 
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -10,8 +11,8 @@ void refuse_unless_fits(const Context& plan, const std::string& what) {
   if (plan.memory().peak() <= limits.total) return;
   fail(Status::memory,
        "not enough device memory for {}: {:.4g} GiB needed, {:.4g} GiB may be used "
-       "(vsplat_device_options.max_memory_gib, fewer views, a smaller model or another device)",
-       what, gib(plan.memory().peak()), gib(limits.total));
+       "({}, fewer views, a smaller model or another device)",
+       what, gib(plan.memory().peak()), gib(limits.total), Option::max_memory);
 }
 
 }  // namespace vsplat

@@ -1,6 +1,7 @@
 #include "model/networks/params/built_in_model.h"
 
 #include "runtime/fail.h"
+#include "runtime/option.h"
 
 extern "C" {
 // Defined in built_in_model.S. The size is stored as data, because a compiler may assume that two objects never have
@@ -19,7 +20,8 @@ SafetensorsFile open_built_in_model() {
   if (built_in_model().empty())
     fail(Status::file,
          "no model file is named, and this vsplat was built without a model of its own (model/weights had none): give "
-         "one to vsplat_model_load; vsplat_train makes one, and vsplat_model_init makes one with random weights");
+         "one ({}); {} makes one, and {} makes one with random weights",
+         Option::model, Option::train, Option::model_init);
   return {"the built-in model", built_in_model()};
 }
 

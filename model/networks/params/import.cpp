@@ -16,6 +16,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/file.h"
 #include "runtime/json_text.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 #include "runtime/system/host_memory.h"
 
@@ -158,8 +159,8 @@ typename S::Config complete(const std::string& path, const Deduced<typename S::C
   if (named.empty() && !missing.empty())
     fail(Status::usage,
          "{}: its shapes belong to no named configuration, and shapes do not determine {}: give each as FIELD=VALUE "
-         "(vsplat_import_options.fields) or in a JSON file (vsplat_import_options.config_file)",
-         path, fmt::join(missing, ", "));
+         "({}) or in a JSON file ({})",
+         path, fmt::join(missing, ", "), Option::import_fields, Option::import_config);
   try {
     check(config);
   } catch (const Error& e) {

@@ -15,6 +15,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/safetensors.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -195,9 +196,8 @@ void compare_sizes(const File& file, const EncoderIn<File>& encoder, const AnyCo
          config.network());
   const auto need = [&](const char* field, const auto& found, const auto& expected) {
     if (found != expected)
-      fail(Status::format,
-           "{}: an encoder with {} = {}, but the configuration has {} (vsplat_model_options.fields {}={} makes it fit)",
-           file.path(), field, found, expected, field, found);
+      fail(Status::format, "{}: an encoder with {} = {}, but the configuration has {} ({} {}={} makes it fit)",
+           file.path(), field, found, expected, Option::model_fields, field, found);
   };
   const Config& found = encoder.config();
   const EncoderSizes sizes = config.visit([](const auto& c) { return c.encoder_sizes(); });

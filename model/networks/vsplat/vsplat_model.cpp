@@ -10,6 +10,7 @@
 #include "model/ops/dense/gather.h"
 #include "model/render/render.h"
 #include "runtime/fail.h"
+#include "runtime/option.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -157,9 +158,9 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   if (whole.peak > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: with {} of {} voxels selected the run needs {:.3f} GiB, {:.3f} GiB may be used "
-         "(vsplat_device_options.max_memory_gib, vsplat_reconstruct_options.assume_selected, fewer views, a smaller "
-         "model or another device)",
-         whole.selected, config_.voxels(), gib(whole.peak), gib(ctx.memory().limits().total));
+         "({}, {}, fewer views, a smaller model or another device)",
+         whole.selected, config_.voxels(), gib(whole.peak), gib(ctx.memory().limits().total), Option::max_memory,
+         Option::assume_selected);
 
   {
     const auto planner = ctx.planner();

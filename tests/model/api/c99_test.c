@@ -457,6 +457,25 @@ static void damaged_scene(void) {
   remove(path);
 }
 
+/* Messages name options as in C, or as the program has said. */
+static void option_names(void) {
+  const char *fields[] = {"vsplat_device_options.device", "vsplat_nothing"}, *names[] = {"their device", "nothing"};
+  vsplat_device_options options = VSPLAT_DEVICE_OPTIONS_INIT;
+  vsplat_device device = NULL;
+  options.device = "quantum";
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_device_open(&options, &device));
+  HOLD(strstr(vsplat_last_error(), "(vsplat_device_options.device)") != NULL);
+  EXPECT(VSPLAT_OK, vsplat_option_names_set(fields, names, 1));
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_device_open(&options, &device));
+  HOLD(strstr(vsplat_last_error(), "(their device)") != NULL);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_option_names_set(fields, names, 2));
+  HOLD(strstr(vsplat_last_error(), "fields[1] is vsplat_nothing") != NULL);
+  HOLD(vsplat_device_open(&options, &device) && strstr(vsplat_last_error(), "(their device)")); /* as before */
+  EXPECT(VSPLAT_OK, vsplat_option_names_set(NULL, NULL, 0));
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_device_open(&options, &device));
+  HOLD(strstr(vsplat_last_error(), "(vsplat_device_options.device)") != NULL);
+}
+
 int main(void) {
   vsplat_device device = NULL;
   HOLD(vsplat_version() == VSPLAT_VERSION && strcmp(vsplat_version_string(), VSPLAT_VERSION_STRING) == 0);
@@ -464,6 +483,7 @@ int main(void) {
   HOLD(strcmp(vsplat_last_error(), "") == 0);
   null_handles();
   damaged_scene();
+  option_names();
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   if (device) {
     bad_values(device);

@@ -33,7 +33,7 @@ TEST(BesideCube, SaysWhatToDo) {
   EXPECT_EQ(doubts_about_cube({}, 0, 5), "");
   EXPECT_EQ(doubts_about_cube({0.1, 0.2}, 5, 5), "");
   const std::string text = doubts_about_cube({0.5, 0.3}, 4, 5);
-  for (const char* words : {"4 of the 5 pictures", "40 %", "mask_path", "masks/", "vsplat_input_options.scale"})
+  for (const char* words : {"4 of the 5 pictures", "40 %", "mask_path", "masks/", "(scale)"})
     EXPECT_NE(text.find(words), std::string::npos) << text;
 }
 

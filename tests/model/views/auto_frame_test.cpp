@@ -74,11 +74,11 @@ TEST(AutoFrame, TheCubeReachesNoCamera) {
 }
 
 TEST(AutoFrame, ParallelAxesMeetNowhere) {
-  expect_error(Status::input, {"one view", "vsplat_input_options.center"}, [] { auto_frame(test::ring(1)); });
+  expect_error(Status::input, {"one view", "with center and scale"}, [] { auto_frame(test::ring(1)); });
   std::vector<Camera> cameras = test::ring(3);
   cameras[1] = cameras[2] = cameras[0];
   cameras[1].w2c(0, 3) += 1;
-  expect_error(Status::input, {"parallel", "vsplat_input_options.center"}, [&] { auto_frame(cameras); });
+  expect_error(Status::input, {"parallel", "with center and scale"}, [&] { auto_frame(cameras); });
   EXPECT_GT(auto_frame(cameras, {}, Vector3d(0, 0, 0)).placement.edge, 0);  // with a given centre nothing is uncertain
   expect_error(Status::usage, {"no camera"}, [] { auto_frame({}); });
 }

@@ -179,8 +179,7 @@ TEST(FindPlacement, OneViewIsTakenToShowTheOrigin) {
   EXPECT_EQ(found.placement.edge, 1);
   EXPECT_NE(found.found.find("since all views show the origin"), std::string::npos) << found.found;
   photographs.set.views[0].camera.w2c(0, 3) = 50;  // looks past it
-  expect_error(Status::input, {"one view", "vsplat_input_options.center"},
-               [&] { find_placement(photographs, all, {}); });
+  expect_error(Status::input, {"one view", "with center and scale"}, [&] { find_placement(photographs, all, {}); });
 }
 
 }  // namespace

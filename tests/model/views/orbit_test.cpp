@@ -70,9 +70,9 @@ TEST(Orbit, OptionsWin) {
   const auto bad = [&](OrbitOptions options) {
     return [&inputs, options] { orbit_about(inputs, {0, 0, 0}, 3, 64, 64, options); };
   };
-  expect_error(Status::usage, {"vsplat_orbit_options.radius"}, bad({.radius = 0, .elevation_deg = {}, .up = {}}));
-  expect_error(Status::usage, {"vsplat_orbit_options.elevation"}, bad({.radius = {}, .elevation_deg = 91, .up = {}}));
-  expect_error(Status::usage, {"vsplat_orbit_options.up"},
+  expect_error(Status::usage, {"orbit_radius is"}, bad({.radius = 0, .elevation_deg = {}, .up = {}}));
+  expect_error(Status::usage, {"orbit_elevation is"}, bad({.radius = {}, .elevation_deg = 91, .up = {}}));
+  expect_error(Status::usage, {"up is no direction"},
                bad({.radius = {}, .elevation_deg = {}, .up = Vector3d(0, 0, 0)}));
   expect_error(Status::usage, {"no camera"}, [] { orbit_about({}, {0, 0, 0}, 3, 64, 64); });
 }

@@ -51,7 +51,7 @@ TEST(PoseCheck, MissingTheCentreByManyDegreesIsNoError) {
 TEST(PoseCheck, NamesTheSwapInTransformsJson) {  // read as c2w = L flip, where L is the file's matrix
   const auto convention = PoseConvention::opengl_c2w;
   const auto read = [](const Eigen::Matrix4d& listed) -> Eigen::Matrix4d { return (listed * flip).inverse(); };
-  expect_error(Status::input, {"OpenCV axes (y down, z forward) where", "vsplat_input_options.force"}, [&] {
+  expect_error(Status::input, {"OpenCV axes (y down, z forward) where", "(force continues"}, [&] {
     check_centre_is_seen(changed(rig(), [&](const auto& w2c) { return read(w2c.inverse()); }), convention, cube(),
                          false);
   });
@@ -148,8 +148,8 @@ TEST(PoseCheck, OnePlaceIsToldOfFarFromTheOriginToo) {
 }
 
 TEST(PoseCheck, NamesNoSwapWhereNoneHelps) {
-  expect_error(Status::input, {"behind 3 and outside the picture of 2 of 6", "no swap", "vsplat_input_options.center"},
-               [] {
+  expect_error(Status::input,
+               {"behind 3 and outside the picture of 2 of 6", "no swap", "give center and scale, or auto_frame"}, [] {
                  auto cameras = test::ring(6);
                  check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {{{0, 0, 40}, 1}, ""});
                });

@@ -44,7 +44,7 @@ TEST_F(HostMemoryTest, IsReservedAndGivenBack) {
 TEST_F(HostMemoryTest, RefusesWhatIsNoNumberOfBytes) {
   const std::size_t before = reserved_host_memory();
   set_host_memory_limit(std::size_t{1} << 30);
-  test::expect_error(Status::memory, {"x.png: decoding", "1 GiB that may be used", "vsplat_set_host_memory"},
+  test::expect_error(Status::memory, {"x.png: decoding", "1 GiB that may be used", "(max_host_memory)"},
                      [] { HostMemory("x.png: decoding it", 1e300); });
   test::expect_error(Status::memory, {"y"}, [] { HostMemory("y", std::nan("")); });
   EXPECT_EQ(reserved_host_memory(), before);

@@ -61,6 +61,14 @@ typedef void (*vsplat_log_function)(void* user, vsplat_log_level level, const ch
    dropped. */
 VSPLAT_API void vsplat_log_set(vsplat_log_function function, void* user);
 
+/* What messages call the options of this interface, for the whole process. At first these are the fields and functions
+   of C: "not enough device memory: ... (vsplat_device_options.max_memory_gib, fewer views, ...)". A program whose users
+   know other names, such as a command line, sets those: what messages call fields[i], such as
+   "vsplat_device_options.max_memory_gib" or "vsplat_doctor", is then called names[i]. All others are called as in C;
+   with `count` 0 all are. The texts are copied. VSPLAT_ERROR_USAGE: no message names fields[i]. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_option_names_set(const char* const* fields, const char* const* names,
+                                                                  size_t count);
+
 /* A program's rules for the files that the library writes and reads. Each file is written under another name and then
    renamed, so it appears whole or not at all. A file that another file names (the pictures and masks of a list of
    cameras; a mesh's materials, textures and buffers) is read only if, with links followed, it lies in the folder of the

@@ -144,7 +144,7 @@ TEST_F(Colmap, PicturesAndMasks) {
   EXPECT_TRUE(same(*set.views[1].mask, folder / "masks/b.jpg.png"));
   EXPECT_TRUE(same(*set.views[2].mask, folder / "masks/left/a.png"));
   std::filesystem::rename(folder / "images", folder / "photos");
-  expect_error(Status::input, {"none of the 3", "a 1.jpg", "looked for", "vsplat_views_load"},
+  expect_error(Status::input, {"none of the 3", "a 1.jpg", "looked for", "give their folder (pictures)"},
                [&] { read_views(folder.path()); });
   EXPECT_TRUE(
       same(read_views(folder.path(), {.pictures_dir = folder / "photos"}).views[1].picture, folder / "photos/b.jpg"));
