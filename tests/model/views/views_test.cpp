@@ -118,7 +118,7 @@ TEST(Views, IntrinsicsMoveWithThePicture) {
           ASSERT_NEAR(view.image.at(i, j)[0], u / w, 3e-6);
           ASSERT_NEAR(view.image.at(i, j)[1], v / h, 3e-6);
         }
-      EXPECT_GT(checked, size * size / 4) << static_cast<int>(fit);
+      EXPECT_GT(checked, size * size / 4) << static_cast<int>(crop);
     }
 }
 
