@@ -42,13 +42,13 @@ void add_device_options(CLI::App& app, Common& common, bool precision) {
       ->check(one_of({"auto", "cpu", "gpu"}))
       ->type_name("auto|cpu|gpu")
       ->group(group);
-  app.add_option("--gemm", common.gemm, "Who multiplies matrices")
+  app.add_option("--gemm", common.gemm, "What multiplies matrices")
       ->check(one_of({"auto", "own", "clblast"}))
       ->type_name("auto|own|clblast")
       ->group(group);
   if (precision)
     app.add_option("--precision", common.precision,
-                   "Numbers of large matrix products: mixed rounds what is multiplied to bf16, for matrix units")
+                   "Precision of large matrix products: mixed rounds the factors to bf16, for matrix units")
         ->check(one_of({"fp32", "mixed"}))
         ->type_name("fp32|mixed")
         ->group(group);
@@ -64,17 +64,17 @@ CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMe
 
 void add_common(CLI::App& app, Common& common, const Takes& takes) {
   if (takes.device) add_device_options(app, common, takes.precision);
-  const std::string group = "What is told and written";
+  const std::string group = "Messages and files";
   if (takes.outside)
     app.add_option("--max-host-memory", common.max_host_memory,
-                   "Memory of the host to use at most (default: three quarters of what is free)")
+                   "Host memory to use at most (default: three quarters of the free memory)")
         ->check(positive())
         ->type_name("GiB")
         ->group(takes.device ? "Device" : group);
   common.takes_profile = takes.profile;
   if (takes.profile) {
     app.add_option("--profile", common.profile,
-                   "Write where the time went: every kernel's, and the host's (.html: a page)")
+                   "Write a profile: the time of every kernel and of the host (.html: a page)")
         ->type_name("FILE.json|.html")
         ->group(group);
     app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
@@ -82,9 +82,9 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
         ->group(group);
   }
   if (takes.outside)
-    app.add_flag(
-           "--allow-outside", common.allow_outside,
-           "Read pictures, masks, textures and buffers that files name wherever they lie, not in their folder alone")
+    app.add_flag("--allow-outside", common.allow_outside,
+                 "Read pictures, masks, textures and buffers that files name wherever they are, not only in the files' "
+                 "folder")
         ->group(group);
   if (takes.json) app.add_flag("--json", common.json, "Results as JSON on stdout")->group(group);
   if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace files that exist")->group(group);

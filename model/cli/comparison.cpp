@@ -91,9 +91,9 @@ std::string Comparison::find(std::size_t index) const {
   if (file.empty())
     throw std::runtime_error("--compare " + folder_ + ": no picture for camera " + std::to_string(index) + " of " +
                              std::to_string(shots_.all.size()) +
-                             ": looked for below the folder is the path of its file in the cameras' list, the end of "
-                             "that path, and its stem with another ending, or " +
-                             index_text(index) + " where the list names no file; --skip-bad leaves such cameras out");
+                             ": looked below the folder for the path of its file in the cameras' list, the end of that "
+                             "path, and its stem with another ending, or " +
+                             index_text(index) + " if the list names no file; --skip-bad leaves such cameras out");
   int32_t width = 0, height = 0;
   shots_.listed.picture_size(index, file, width, height);
   const vsplat_camera& camera = shots_.all[index];
@@ -101,7 +101,7 @@ std::string Comparison::find(std::size_t index) const {
   if (width < camera.width || height < camera.height || std::abs(scaled - camera.height) > 1)
     throw std::runtime_error("--compare: " + file + " is " + size_text(width, height) + " pixels, camera " +
                              std::to_string(index) + " draws " + size_text(camera.width, camera.height) +
-                             ": pictures of that size or larger ones of its proportions are expected; --size");
+                             ": pictures of that size, or larger ones of its proportions, are expected; see --size");
   return file;
 }
 

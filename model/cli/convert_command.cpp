@@ -35,21 +35,21 @@ void convert(const ConvertOptions& o) {
 
 void add_scene_convert(CLI::App& app, Run& run) {
   auto o = std::make_shared<ConvertOptions>();
-  CLI::App* sub =
-      app.add_subcommand("convert", "Make a scene of surfels one of Gaussians, for programs that know no surfels");
+  CLI::App* sub = app.add_subcommand(
+      "convert", "Turn a scene of surfels into one of Gaussians, for programs that cannot draw surfels");
   sub->add_option("scene", o->scene, "A PLY file of surfels, which have two scales each")
       ->required()
       ->type_name("SCENE.ply");
-  sub->add_option("--surfels-to-gaussians", o->thickness,
-                  "Give each a third deviation: this share, above 0 and at most 1, of the smaller of its two")
+  sub->add_option(
+         "--surfels-to-gaussians", o->thickness,
+         "Give each surfel a third standard deviation: this share, above 0 and at most 1, of the smaller of its two")
       ->required()
       ->type_name("THICKNESS");
   sub->add_option("-o,--output", o->output, "The scene to write")->required()->type_name("SCENE.ply");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
   sub->footer(
-      "A Gaussian is smeared over a pixel where it is seen edge on, and a surfel is not: the pictures are alike, not "
-      "the\n"
-      "same. With 0.1 and less they change little.\n"
+      "A Gaussian that is seen edge on is smeared over a pixel, and a surfel is not: the pictures are similar, not\n"
+      "equal. With 0.1 or less they change little.\n"
       "Example:\n"
       "  vsplat convert surfels.ply --surfels-to-gaussians 0.05 --output scene.ply");
   sub->callback([o, &run] { run = [o] { convert(*o); }; });

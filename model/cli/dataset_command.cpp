@@ -136,12 +136,14 @@ void make(const DatasetOptions& o) {
 }
 
 void add_shared(CLI::App& sub, DatasetOptions& o, bool reads) {
-  sub.add_option("-o,--output", o.output, "Where each object gets a folder")->required()->type_name("DIR");
+  sub.add_option("-o,--output", o.output, "The folder to write; each object gets a folder in it")
+      ->required()
+      ->type_name("DIR");
   sub.add_option("--views", o.views, "Pictures of each object (40)")->check(CLI::Range(1, 9999))->type_name("N");
   sub.add_option("--size", o.pixels, "Sides of the pictures in pixels (512)")
       ->check(CLI::Range(8, 8192))
       ->type_name("N");
-  sub.add_option("--seed", o.seed, "Of all that is random (0)")->type_name("S");
+  sub.add_option("--seed", o.seed, "Seed of all random choices (0)")->type_name("S");
   add_common(sub, o.common, {.device = false, .profile = false, .outside = reads});
 }
 
@@ -153,8 +155,8 @@ void add_render_action(CLI::App& parent, Run& run) {
       ->type_name("PICTURE");
   add_shared(*sub, *o, true);
   sub->footer(
-      "An object's folder is called like its file, or like the file's folder where names repeat or are \"model\".\n"
-      "Each is scaled into the cube about the origin with edge 1. Objects that were finished stay if a later one "
+      "An object's folder has the name of its file, or of the file's folder if names repeat or are \"model\".\n"
+      "Each object is scaled into the cube with edge 1 around the origin. Finished objects stay if a later one\n"
       "fails.\n"
       "Examples:\n"
       "  vsplat dataset render meshes/*.glb --output set\n"
@@ -166,17 +168,17 @@ void add_procedural_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<DatasetOptions>();
   CLI::App* sub = parent.add_subcommand("procedural", "Draw random objects, a folder each");
   sub->add_option("--count", o->count, "How many")->required()->check(CLI::Range(1, 9999))->type_name("N");
-  CLI::Option* textures = sub->add_option("--textures", o->textures,
-                                          "A folder of pictures; half of the parts are covered with one of them each")
-                              ->type_name("DIR");
-  sub->add_flag("--solids", o->solids, "Plain ones: one to four whole bodies with patterns")->excludes(textures);
+  CLI::Option* textures =
+      sub->add_option("--textures", o->textures, "A folder of pictures; half of the parts get one of them as a texture")
+          ->type_name("DIR");
+  sub->add_flag("--solids", o->solids, "Plain objects: one to four whole bodies with patterns")->excludes(textures);
   add_shared(*sub, *o, false);
   sub->footer(
-      "Each object is one to nine parts: bodies, some with others cut out of them or with a height field, wire "
-      "frames,\n"
-      "thin rods, plates, hoops and springs; some twisted, bent or tapered; of one colour, a gradient, a pattern or a\n"
-      "texture. The same for a seed and an index, and for the pictures of --textures.\n"
-      "Example:\n  vsplat dataset procedural --count 16 --output objects --textures pictures --size 128 --seed 7");
+      "Each object is one to nine parts: bodies, some with others cut out of them or with a height field, wire\n"
+      "frames, thin rods, plates, hoops and springs; some twisted, bent or tapered; of one colour, a gradient, a\n"
+      "pattern or a texture. The same seed, index and pictures of --textures give the same object.\n"
+      "Example:\n"
+      "  vsplat dataset procedural --count 16 --output objects --textures pictures --size 128 --seed 7");
   sub->callback([o, &run] { run = [o] { make(*o); }; });
 }
 

@@ -174,15 +174,14 @@ void add_info_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<DatasetInfoOptions>();
   CLI::App* sub = parent.add_subcommand("info", "Show what a data set holds");
   sub->add_option("data", o->paths, "Folders of objects, or HDF5 files")->required()->type_name("DIR...");
-  sub->add_option("--sheet", o->sheet, "Pictures of the objects on one: a contact sheet")->type_name("FILE.png");
-  sub->add_flag("--check", o->check, "Decode every picture, not four of each object");
+  sub->add_option("--sheet", o->sheet, "A contact sheet with pictures of the objects")->type_name("FILE.png");
+  sub->add_flag("--check", o->check, "Decode every picture, not only four of each object");
   add_common(*sub, o->common, {.device = false, .profile = false});
   sub->footer(
-      "An object is a folder with transforms.json, cameras.json or a COLMAP model, at most four levels down, or a "
-      "group\n"
-      "of an HDF5 file in LaRa's layout. fov: degrees across the picture; distance: of the cameras from the middle of\n"
-      "the object's cube, in its edges; alpha: how much of the network's square is the object.\n"
-      "What cannot be used is told, and makes the exit code 1.\n"
+      "An object is a folder with transforms.json, cameras.json or a COLMAP model, at most four levels down, or a\n"
+      "group of an HDF5 file in LaRa's layout. fov: degrees across the picture; distance: of the cameras from the\n"
+      "middle of the object's cube, in its edges; alpha: how much of the network's square is the object. Data that\n"
+      "cannot be used are reported, and make the exit code 1.\n"
       "Examples:\n"
       "  vsplat dataset info set --sheet set.png\n"
       "  vsplat dataset info photos/vase gobjaverse.h5 --check --json");

@@ -121,7 +121,7 @@ void add_devices(CLI::App& app, Run& run) {
       "Examples:\n"
       "  vsplat devices\n"
       "  vsplat devices --json\n"
-      "Choose one by index, platform:device, type or part of its, its platform's or its vendor's name:\n"
+      "Choose one by index, platform:device, type, or a part of the name of the device, its platform or its vendor:\n"
       "  vsplat render scene.ply --cameras orbit:8 --images out/ --device 0:1\n"
       "  VSPLAT_DEVICE=pthread vsplat ...");
   sub->callback([common, &run] {

@@ -32,16 +32,15 @@ void doctor(const DoctorOptions& o) {
 
 void add_doctor(CLI::App& app, Run& run) {
   auto o = std::make_shared<DoctorOptions>();
-  CLI::App* sub = app.add_subcommand("doctor", "Tell why there is no OpenCL device, or the wrong one, and what to do");
-  sub->add_option("--seconds", o->seconds,
-                  "What one driver may take to be loaded and to tell its devices (default: 20)")
+  CLI::App* sub =
+      app.add_subcommand("doctor", "Explain why there is no OpenCL device, or the wrong one, and what to do");
+  sub->add_option("--seconds", o->seconds, "Time limit for one driver to load and to list its devices (default: 20)")
       ->check(CLI::Range(0.1, 3600.0))
       ->type_name("S");
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});
   sub->footer(
-      "Each driver is looked at in a process of its own, so that one that crashes or hangs is named. Ends with 0 "
-      "where\n"
-      "a device can be used and nothing is wrong, else with 1.\n"
+      "Each driver is examined in a process of its own, so a driver that crashes or hangs can be named. The exit\n"
+      "code is 0 if a device can be used and nothing is wrong, else 1.\n"
       "Examples:\n"
       "  vsplat doctor\n"
       "  vsplat doctor --json");

@@ -154,8 +154,8 @@ void evaluate(EvaluateOptions& o) {
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
   if (!o.seed.empty() && o.protocol != "random10" && o.pose_noise == 0)
-    throw UsageError("--seed is of --protocol random10 and --pose-noise");
-  if (o.pose_draws != 0 && o.pose_noise == 0) throw UsageError("--pose-draws is of --pose-noise");
+    throw UsageError("--seed needs --protocol random10 or --pose-noise");
+  if (o.pose_draws != 0 && o.pose_noise == 0) throw UsageError("--pose-draws needs --pose-noise");
   options.pose_noise = o.pose_noise;
   options.pose_draws = o.pose_draws;
   set_placement(o.placement, options);
@@ -218,7 +218,7 @@ void add_evaluate(CLI::App& app, Run& run) {
   auto o = std::make_shared<EvaluateOptions>();
   CLI::App* sub = app.add_subcommand("evaluate", "Measure a model on the objects of data sets");
   sub->add_option("folders", o->folders,
-                  "An object's folder (as reconstruct takes it), LaRa's HDF5 file, or folders of such")
+                  "An object's folder (as for reconstruct), an HDF5 file in LaRa's layout, or a folder of these")
       ->type_name("DIR...");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
   sub->add_option("--protocol", o->protocol,
@@ -226,20 +226,19 @@ void add_evaluate(CLI::App& app, Run& run) {
                   "at random; the inputs are the first of each group")
       ->check(one_of({"kmeans", "random10"}))
       ->type_name("kmeans|random10");
-  sub->add_option("--seed", o->seed, "Of --protocol random10 and --pose-noise (0)")->type_name("S");
+  sub->add_option("--seed", o->seed, "Seed of --protocol random10 and --pose-noise (0)")->type_name("S");
   sub->add_option("--view-count", o->view_count,
-                  "How many views go in (default: as many as the model was trained with)")
+                  "Number of input views (default: as many as the model was trained with)")
       ->check(CLI::Range(1, 16))
       ->type_name("N");
   sub->add_option("--size", o->size,
-                  "Compare pictures of N x N pixels: the truth resampled by area, the result drawn at N; what goes in "
-                  "stays at the model's size (default: compare at that, too)")
+                  "Compare pictures of N x N pixels: the truth is resampled by area, the result drawn at N; the inputs "
+                  "keep the model's size (default: compare at that size, too)")
       ->check(CLI::Range(11, 4096))
       ->type_name("N");
-  sub->add_option(
-         "--supersample", o->supersample,
-         "Samples along a pixel's edge of what is drawn, 1 to 8 (default: auto, as `vsplat render` takes them: "
-         "more than one where pixels are two or more times as wide as the inputs' at the model's size)")
+  sub->add_option("--supersample", o->supersample,
+                  "Samples along a pixel's edge of drawn pictures, 1 to 8 (default: auto, as in `vsplat render`: more "
+                  "than one if pixels are at least twice as wide as the inputs' at the model's size)")
       ->type_name("N|auto");
   sub->add_option("--lpips", o->lpips, "Folder with alex.safetensors, vgg.safetensors or both: adds LPIPS")
       ->type_name("DIR");
@@ -248,11 +247,11 @@ void add_evaluate(CLI::App& app, Run& run) {
   sub->add_flag("--refine", o->refine,
                 "Measure the scene fitted to the inputs, and to them alone, as `vsplat fit --start network` does");
   sub->add_option("--pose-noise", o->pose_noise,
-                  "Tell the network of the inputs but the first poses with noise: turned and moved about the object, "
-                  "by normal numbers of this deviation, in radians and edges of its cube")
+                  "Give the network noisy poses of all inputs but the first: turned and moved about the object by "
+                  "normal random numbers of this standard deviation, in radians and in edges of its cube")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SIGMA");
-  sub->add_option("--pose-draws", o->pose_draws, "Draws of that noise, over which each number is the mean (1)")
+  sub->add_option("--pose-draws", o->pose_draws, "Draws of that noise; each number is the mean over them (1)")
       ->check(CLI::Range(1, 1000))
       ->type_name("N");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
@@ -261,9 +260,10 @@ void add_evaluate(CLI::App& app, Run& run) {
   std::vector<CLI::Option*> others;
   for (CLI::Option* option : sub->get_options())
     if (option->get_name() != "--help" && option->get_name() != "--skip-bad") others.push_back(option);
-  CLI::Option* table = sub->add_option("--table", o->table.file,
-                                       "Systems on data sets under protocols, listed in this file: a row for each")
-                           ->type_name("FILE.json");
+  CLI::Option* table =
+      sub->add_option("--table", o->table.file,
+                      "Measure the systems, data sets and protocols that this file lists: a row for each")
+          ->type_name("FILE.json");
   for (CLI::Option* other : others) table->excludes(other);
   sub->add_option("-o,--output", o->table.outputs, "Write the table of --table, too; may be given several times")
       ->needs(table)
@@ -274,12 +274,10 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->needs(table);
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
-      "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to "
-      "each\n"
-      "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white. "
-      "Under\n"
-      "--pose-noise how far the poses that were told are from the listed ones, and where the model predicts rays, how\n"
-      "far those are: degrees, and distances in edges of the cube.\n"
+      "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to\n"
+      "each novel one; SSIM; the share of voxels that were selected. Each is of all novel views of an object\n"
+      "together, on white. With --pose-noise, the error of the poses that the network got, and of the rays if the\n"
+      "model predicts them: degrees, and distances in edges of the cube.\n"
       "Examples:\n"
       "  vsplat evaluate set/ --sheet sheet.png\n"
       "  vsplat evaluate set/ --size 256 --refine\n"

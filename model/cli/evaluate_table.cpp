@@ -140,9 +140,10 @@ class Fields {
 
 json parsed(const std::string& path) {
   std::error_code error;
-  if (!fs::is_regular_file(path, error)) throw std::runtime_error(path + ": is no file; what is measured is expected");
+  if (!fs::is_regular_file(path, error))
+    throw std::runtime_error(path + ": is not a file; a list of what to measure is expected");
   if (fs::file_size(path, error) > kLargestFile)
-    throw std::runtime_error(path + ": more than 1 MiB, for a list of what is measured");
+    throw std::runtime_error(path + ": more than 1 MiB, too much for a list of what to measure");
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
   text << file.rdbuf();
@@ -365,8 +366,8 @@ void plan_table(const Common& common, const TableRequest& request) {
   if (!request.lpips.empty() && std::none_of(std::begin(kLpipsFiles), std::end(kLpipsFiles), [&](const char* name) {
         return fs::exists(fs::path(request.lpips) / name, ignored);
       }))
-    throw std::runtime_error(request.lpips + ": neither " + kLpipsFiles[0] + " nor " + kLpipsFiles[1] +
-                             " is there, the weights of LPIPS");
+    throw std::runtime_error(request.lpips + ": has neither " + kLpipsFiles[0] + " nor " + kLpipsFiles[1] +
+                             ", the weights of LPIPS");
   std::vector<Plan> plans;
   for (std::size_t s = 0; s < request.systems.size(); ++s) {
     const vsplat::Model model = load_model(request.systems[s].model);
@@ -400,7 +401,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
   }
   Common own = common;
   if (join_ranks(own).several())
-    throw UsageError("--table is of one process: its rows' objects are shared out over the devices of --device alone");
+    throw UsageError("--table takes one process: only the devices of --device share the objects of its rows");
   Outputs outputs(common.overwrite);
   outputs.input(o.file);
   for (const System& system : request.systems) outputs.input(system.model);

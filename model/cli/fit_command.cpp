@@ -44,8 +44,8 @@ void check(const FitSettings& o) {
 vsplat::Scene start_scene(const std::string& path) {
   vsplat::Scene out = vsplat::Scene::load(path);
   if (out.info().surfels)
-    throw UsageError(path + " holds surfels, and Gaussians of three scales can be fitted: vsplat convert " +
-                     "--surfels-to-gaussians makes some");
+    throw UsageError(path + " holds surfels, but only Gaussians of three scales can be fitted: vsplat convert " +
+                     "--surfels-to-gaussians makes them");
   if (out.info().count == 0) throw std::runtime_error(path + " has no Gaussian: there is nothing to fit");
   return out;
 }
@@ -152,28 +152,30 @@ void fit(const FitSettings& o) {
 
 void add_fit_options(CLI::App& sub, FitOptions& o) {
   sub.add_option("--steps", o.steps,
-                 "How many (default: auto, by the number of views; with few of them what suits views left out)")
+                 "Number of steps (default: auto, by the number of views; with few views, the number that suits views "
+                 "left out)")
       ->type_name("N|auto");
-  sub.add_option("--time", o.seconds, "No step begins that would end after so long, judging included")
+  sub.add_option("--time", o.seconds, "Time limit: no step begins that would end later, judging included")
       ->type_name("SECONDS");
   sub.add_option("--holdout", o.holdout,
-                 "Which pictures judge and are not fitted to (default: auto, every eighth of 12 or more; of fewer each "
-                 "is left out in turn)")
+                 "Which pictures are held out to judge the scene (default: auto, every eighth of 12 or more; with "
+                 "fewer, each is left out in turn)")
       ->type_name("auto|none|N|NAME,...");
   sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default 512)")->type_name("N|full");
   const char* what = "The scene";
-  sub.add_option("--max-gaussians", o.max_gaussians,
-                 "It may grow up to so many (default: by the pictures; with fewer than 12 it does not grow)")
+  sub.add_option(
+         "--max-gaussians", o.max_gaussians,
+         "Number of Gaussians that it may grow to (default: by the pictures; with fewer than 12 it does not grow)")
       ->type_name("N")
       ->group(what);
-  sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 of many views)")
+  sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 with many views)")
       ->check(one_of({"0", "1", "2", "3"}))
       ->type_name("0..3")
       ->group(what);
-  sub.add_option("--freeze", o.freeze, "What stays as it is, of means, scales, rotations, opacities, sh")
+  sub.add_option("--freeze", o.freeze, "Which parameters stay as they are, of means, scales, rotations, opacities, sh")
       ->type_name("NAME,...")
       ->group(what);
-  sub.add_option("--seed", o.seed, "Of the pictures' order, backgrounds, growth and --start random (0)")
+  sub.add_option("--seed", o.seed, "Seed of the pictures' order, of backgrounds, growth and --start random (0)")
       ->type_name("S")
       ->group(what);
 }
@@ -197,21 +199,22 @@ void add_fit(CLI::App& app, Run& run) {
       ->type_name("NAME,...|@INDEX,...");
   add_view_options(*sub, o->picture_folder, o->skip_bad);
   add_fit_options(*sub, o->fit);
-  sub->add_option("-m,--model", o->model, "Of --start network (default: the built-in model)")->type_name("MODEL");
+  sub->add_option("-m,--model", o->model, "The model of --start network (default: the built-in model)")
+      ->type_name("MODEL");
   sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")
       ->type_name("Z");
   sub->add_option("--view-count", o->view_count,
-                  "How many of the pictures fitted to the network of --start network gets, well spread, 1 to 16 "
-                  "(default: what the model's makers measured)")
+                  "How many of the fitted pictures the network of --start network gets, well spread, 1 to 16 (default: "
+                  "what the model's makers measured to be best)")
       ->check(CLI::Range(1, 16).description(""))
       ->type_name("N");
   add_placement_options(*sub, o->placement);
-  sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
+  sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")
       ->group(placement_group);
   const char* beside = "Beside the scene";
   sub->add_option("--sheet", o->fit.sheet,
-                  "For each picture held out a row: picture, start, result, 4 x difference; for fitted ones where none "
-                  "is")
+                  "A row for each held-out picture: picture, start, result, 4 x difference; for fitted pictures if "
+                  "none is held out")
       ->type_name("FILE.png")
       ->group(beside);
   sub->add_option("--log", o->fit.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
@@ -221,13 +224,13 @@ void add_fit(CLI::App& app, Run& run) {
                 "Correct the cameras a little, too, and write them as cameras.json beside the scene: SCENE.poses.json")
       ->group(beside);
   sub->add_flag("--exposure", o->fit.exposure,
-                "Give each picture an affine map of colours while fitting, for exposure that differs; dropped at the "
-                "end")
+                "Give each picture an affine map of colours while fitting, for differing exposure; the maps are "
+                "dropped at the end")
       ->group(beside);
-  sub->add_option("--checkpoint", o->fit.checkpoint, "Folder into which the state is written now and then")
+  sub->add_option("--checkpoint", o->fit.checkpoint, "Folder for the state, which is written from time to time")
       ->type_name("DIR")
       ->group(beside);
-  sub->add_flag("--resume", o->fit.resume, "Go on with the state in --checkpoint: the result has the same bytes")
+  sub->add_flag("--resume", o->fit.resume, "Continue from the state in --checkpoint: the result has the same bytes")
       ->group(beside);
   sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes")->group(beside);
   add_common(*sub, o->common);
@@ -239,9 +242,9 @@ void add_fit(CLI::App& app, Run& run) {
       "  vsplat fit photos/ --start network --output sharp.ply --poses --exposure\n"
       "  vsplat fit photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"
       "  vsplat fit photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
-      "What comes out is never worse than the start on the pictures held out: where the start is best, it is written,\n"
-      "and that is said. Masks and alpha are used where there are any. Ctrl-C ends it with the best so far; a second\n"
-      "one at once. The same input gives the same bytes, except with --time.");
+      "The result is never worse than the start on the held-out pictures: if the start is best, it is written, and a\n"
+      "message says so. Masks and alpha are used if there are any. Ctrl-C stops with the best scene so far; a second\n"
+      "one stops at once. The same input gives the same bytes, except with --time.");
   sub->callback([o, &run] { run = [o] { fit(*o); }; });
 }
 

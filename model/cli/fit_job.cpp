@@ -231,12 +231,12 @@ void FitJob::summarise(const Common& common) const {
     char text[128];
     std::snprintf(text, sizeof text, "PSNR %.2f to %.2f dB, SSIM %.4f to %.4f", r.start_psnr, r.result_psnr,
                   r.start_ssim, r.result_ssim);
-    say(common, on + text + (r.returned ? "; the start is the better one, and is what is written" : "") +
+    say(common, on + text + (r.returned ? "; the start is better, so it is what is written" : "") +
                     (r.claimed ? "" : "; the start may have seen these pictures, so no gain is claimed"));
   } else if (r.returned) {
-    say(common, "nothing could be held out to judge by: the start is what is written");
+    say(common, "no picture could be held out to judge by: the start is what is written");
   } else {
-    say(common, "nothing was held out: nothing is known of how good it is elsewhere");
+    say(common, "nothing was held out: how good it is from elsewhere is unknown");
   }
 }
 

@@ -48,23 +48,22 @@ void add_init(CLI::App& app, Run& run) {
       ->check(one_of({"paper", "published", "published_residual", "small", "tiny", "micro"}))
       ->type_name("paper|small|tiny|micro");
   sub->add_option("--system", o->system,
-                  "Whose network (default: vsplat); of lara and genden, paper is called published")
+                  "Which network (default: vsplat); for lara and genden, paper is called published")
       ->check(one_of({"vsplat", "lara", "genden", "vsplat+genden"}))
       ->type_name("vsplat|lara|genden|vsplat+genden");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
-  sub->add_option("--seed", o->seed, "Of the random numbers: a seed gives the same file everywhere")
+  sub->add_option("--seed", o->seed, "Seed of the random numbers: a seed gives the same file everywhere")
       ->required()
       ->type_name("S");
-  sub->add_option(
-         "--encoder", o->encoder,
-         "DINO ViT weights in timm's naming (DINOv3's in Meta's, too), safetensors or of torch.save, for the encoder "
-         "alone")
+  sub->add_option("--encoder", o->encoder,
+                  "DINO ViT weights for the encoder, in timm's naming (DINOv3's also in Meta's), as safetensors or "
+                  "from torch.save")
       ->type_name("FILE");
   sub->add_option("--set", o->fields, "Change a field of the configuration")->type_name("FIELD=VALUE");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
   sub->footer(
-      "A model with random weights makes scenes that mean nothing, in the time that a trained one takes: train makes\n"
-      "models that reconstruct, from random weights of its own, and reconstruct has one built in.\n"
+      "A model with random weights makes meaningless scenes in the time that a trained one takes. `vsplat train`\n"
+      "makes models that reconstruct, from random weights of its own, and `vsplat reconstruct` has one built in.\n"
       "Examples:\n"
       "  vsplat init small --seed 1 --output small.safetensors\n"
       "  vsplat init tiny --seed 7 --set fine_count=1 --set selection=sigmoid --output m.safetensors\n"

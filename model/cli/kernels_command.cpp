@@ -129,17 +129,12 @@ std::string about(const Json& one) {
   return std::string("The OpenCL programs of vsplat ") + vsplat_version_string() + ", listed on " +
          one["device"].get<std::string>() + ", driver " + one["driver"].get<std::string>() +
          ".\n\n"
-         "kernels.json: one program a line. `source` is a file of this folder that includes nothing, `options` what it "
-         "is\n"
-         "built with (clBuildProgram), `kernels` those of it that are meant, `about` who launches each and how: "
-         "`group` "
-         "is\n"
-         "the size of its work-groups (null: the driver chooses), `local_bytes` the local memory that is an argument, "
-         "and\n"
-         "`local_memory` what the kernel declares, in bytes. `targets`, where it stands: the only vendors (or chips) "
-         "whose "
-         "compiler can\n"
-         "read the program. allowed.txt: which kernels are known to keep scratch memory on which targets, and why.\n\n"
+         "kernels.json: one program a line. `source` is a file of this folder that includes nothing, `options` what\n"
+         "it is built with (clBuildProgram), `kernels` its kernels that are used, `about` who launches each and how:\n"
+         "`group` is the size of its work-groups (null: the driver chooses), `local_bytes` the local memory that is\n"
+         "an argument, and `local_memory` what the kernel declares, in bytes. `targets`, if present: the only\n"
+         "vendors (or chips) whose compiler can read the program. allowed.txt: which kernels are known to keep\n"
+         "scratch memory on which targets, and why.\n\n"
          "One program by the compilers that drivers are built on:\n"
          "  clang -x cl OPTIONS -target amdgcn-amd-amdhsa -mcpu=gfx90a -Xclang -finclude-default-header -O3 -S -o - "
          "SOURCE\n"
@@ -180,26 +175,24 @@ void kernels(const KernelsOptions& o) {
 
 void add_kernels(CLI::App& app, Run& run) {
   auto o = std::make_shared<KernelsOptions>();
-  CLI::App* sub = app.add_subcommand("kernels", "List the OpenCL programs, and write them for whoever compiles them");
+  CLI::App* sub = app.add_subcommand("kernels", "List the OpenCL programs, and write them for other compilers");
   sub->add_option("--dump", o->folder, "Write kernels.json and every source, includes expanded, into this folder")
       ->type_name("DIR");
-  sub->add_option("--model", o->model, "Whose sizes decide what is launched (default: the model inside)")
+  sub->add_option("--model", o->model, "The model whose sizes decide what is launched (default: the built-in model)")
       ->type_name("MODEL.safetensors");
   sub->add_option("--for", o->jobs, "What launches them (default: all of reconstruct,render,fit,train)")
       ->type_name("JOBS");
-  sub->add_option("--flavour", o->flavour, "Of the dense kernels: gpu, cpu or all (default: gpu)")
+  sub->add_option("--flavour", o->flavour, "Flavour of the dense kernels: gpu, cpu or all (default: gpu)")
       ->check(one_of({"gpu", "cpu", "all"}))
       ->type_name("gpu|cpu|all");
   sub->add_flag(
       "--no-build", o->no_build,
-      "Compile nothing here, where a driver fails at it: how much local memory a kernel declares is not told");
+      "Compile nothing here, for drivers that fail at it: how much local memory a kernel declares is then unknown");
   add_common(*sub, o->common, {.profile = false, .outside = false, .precision = true});
   sub->footer(
-      "The jobs are planned, not run: nothing is launched. Kernels of the flavour that none of them launches are in "
-      "the\n"
-      "list, too, built with no options of their own. What the local memory of a launch is made of, and all else, is "
-      "in\n"
-      "--json, whose objects are those of kernels.json.\n"
+      "The jobs are planned, not run: nothing is launched. The list also has the flavour's kernels that no job\n"
+      "launches, built with no options of their own. --json shows everything, such as the parts of a launch's local\n"
+      "memory; its objects are those of kernels.json.\n"
       "Examples:\n"
       "  vsplat kernels\n"
       "  vsplat kernels --for render --json\n"

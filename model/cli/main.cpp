@@ -10,7 +10,7 @@
 
 int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
-  CLI::App app("Posed photos in, a 3D Gaussian splat and pictures of it from anywhere out, on any OpenCL device.",
+  CLI::App app("Turns posed photos into a 3D Gaussian splat, and draws it from anywhere, on any OpenCL device.",
                "vsplat");
   app.set_version_flag("-V,--version", std::string("vsplat ") + vsplat_version_string());
   app.require_subcommand(1);
@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
       "  vsplat fit photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
       "  vsplat-window scene.ply                          shows it, turned with the mouse (where SDL is installed)\n"
-      "`vsplat help COMMAND` and `vsplat COMMAND --help` tell all of a command's options, with examples.");
+      "`vsplat help COMMAND` and `vsplat COMMAND --help` show all options of a command, with examples.");
   command::Run run;
   command::add_reconstruct(app, run);
   command::add_fit(app, run);

@@ -129,7 +129,7 @@ std::int32_t Outputs::on_exists(void* outputs, const char* path) {
 void Outputs::refuse_if_same(const std::string& path, const fs::path& output, const fs::path& input) {
   std::error_code error;
   if (output == input || fs::equivalent(output, input, error))
-    throw UsageError(path + " is read and cannot be the output, too");
+    throw UsageError(path + " is read, so it cannot be the output, too");
 }
 
 void Outputs::input(const std::string& path) {

@@ -15,17 +15,17 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
   app.add_option("--images", o.images, "Folder for the pictures: 0000.png, ... in the cameras' order")
       ->type_name("DIR")
       ->group(group);
-  app.add_option("--format", o.format, "Of --images: 8-bit PNG (default) or JPEG, or EXR with alpha and depth")
+  app.add_option("--format", o.format, "Format of --images: 8-bit PNG (default) or JPEG, or EXR with alpha and depth")
       ->check(one_of({"png", "jpg", "exr"}))
       ->type_name("png|jpg|exr")
       ->group(group);
-  app.add_option("--quality", o.quality, "Of JPEG and --turntable (default 90; 100: a .webp without loss)")
+  app.add_option("--quality", o.quality, "Quality of JPEG and --turntable (default 90; 100: a .webp without loss)")
       ->type_name("1-100")
       ->group(group);
   app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
       ->group(group);
-  app.add_option("--sheet", o.sheet, "All pictures on one: a contact sheet")->type_name("FILE.png")->group(group);
-  app.add_option("--turntable", o.turntable, "All pictures one after the other: an animation that loops")
+  app.add_option("--sheet", o.sheet, "A contact sheet of all pictures")->type_name("FILE.png")->group(group);
+  app.add_option("--turntable", o.turntable, "An animation of all pictures, which loops")
       ->type_name("FILE.webp|FILE.gif")
       ->group(group);
   app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100, of a GIF to 50 (default 24)")
@@ -57,8 +57,8 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
       ->group(group);
   add_output_options(app, o, group);
   app.add_option("--size", o.size,
-                 "Size of the pictures; intrinsics are scaled along (default: what the cameras' file tells, 512x512 of "
-                 "orbit:N and where it tells none)")
+                 "Size of the pictures; intrinsics are scaled, too (default: from the cameras' file; 512x512 for "
+                 "orbit:N and if the file has none)")
       ->type_name("WxH")
       ->group(group);
   app.add_option("--background", o.background,
@@ -70,13 +70,12 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
       ->type_name("R")
       ->group(group);
   app.add_option("--orbit-elevation", o.orbit_elevation, "Their elevation, degrees")->type_name("DEG")->group(group);
-  app.add_option(
-         "--supersample", o.supersample,
-         "Samples along a pixel's edge, 1 to 8: drawn so many times larger, and averaged (default: auto, as many "
-         "as make smaller pictures as fine as those that the scene was made from)")
+  app.add_option("--supersample", o.supersample,
+                 "Samples along a pixel's edge, 1 to 8: pictures are drawn this many times larger and averaged "
+                 "(default: auto, as many as make smaller pictures as fine as those that the scene was made from)")
       ->type_name("N|auto")
       ->group(group);
-  app.add_option("--up", o.up, "Which way is up in the world (default: what the scene's file or the cameras tell)")
+  app.add_option("--up", o.up, "Which way is up in the world (default: from the scene's file or the cameras)")
       ->type_name("x,y,z")
       ->group(group);
 }
@@ -90,11 +89,11 @@ void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choic
          {std::pair("--size", !o.size.empty()), std::pair("--background", !o.background.empty()),
           std::pair("--format", !o.format.empty()), std::pair("--supersample", !o.supersample.empty())})
       if (given)
-        throw UsageError(option + std::string(" is of the pictures that are drawn: it needs --render, the cameras"));
+        throw UsageError(option + std::string(" applies to pictures that are drawn: it needs --render, the cameras"));
   if (choice.orbit == 0)
     for (const auto& [option, text] :
          {std::pair("--orbit-radius", &o.orbit_radius), std::pair("--orbit-elevation", &o.orbit_elevation)})
-      if (!text->empty()) throw UsageError(option + std::string(" is of the cameras on a circle: it needs orbit:N"));
+      if (!text->empty()) throw UsageError(option + std::string(" applies to cameras on a circle: it needs orbit:N"));
 }
 
 }  // namespace
@@ -162,7 +161,7 @@ void PictureJob::read_outputs(const PictureOptions& o) {
   need_ending("--write-cameras", write_cameras, ".json");
   if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
   if (!o.format.empty() && written && images.empty())
-    throw UsageError("--format is that of --images: give the folder for them");
+    throw UsageError("--format applies to --images: give the folder for them");
   if (!differences.empty() && compare.empty()) throw UsageError("--differences needs --compare");
   if (!o.quality.empty()) {
     const double value = number("--quality", o.quality);
@@ -175,7 +174,7 @@ void PictureJob::read_outputs(const PictureOptions& o) {
   if (transparent && written && images.empty())
     throw UsageError("--background transparent needs --images: contact sheets, animations and comparisons are opaque");
   if (transparent && (o.format == "jpg" || o.exr_raw))
-    throw UsageError(std::string("--background transparent goes with PNG and EXR: ") +
+    throw UsageError(std::string("--background transparent works with PNG and EXR: ") +
                      (o.exr_raw ? "--exr-raw holds what is drawn over a colour" : "JPEG holds no transparency"));
   format = o.format == "jpg"   ? VSPLAT_PICTURE_JPEG
            : o.format != "exr" ? (transparent ? VSPLAT_PICTURE_PNG_ALPHA : VSPLAT_PICTURE_PNG)

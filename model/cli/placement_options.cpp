@@ -6,8 +6,8 @@ namespace command {
 
 void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad) {
   app.add_option("--pictures", pictures,
-                 "The folder of the pictures, where they are not where the list has them: found below it, by the end "
-                 "of their paths, and with another ending")
+                 "The folder of the pictures, if they are not at the listed paths: each is found below it by the end "
+                 "of its path, also with another ending")
       ->type_name("DIR");
   app.add_flag("--skip-bad", skip_bad,
                "Leave out views that cannot be used (pose, camera, picture or mask), and count them");
@@ -28,13 +28,12 @@ void add_placement_options(CLI::App& app, PlacementOptions& o) {
   app.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else estimated)")
       ->type_name("S")
       ->group(placement_group);
-  app.add_flag(
-         "--auto-frame", o.auto_frame,
-         "Estimate what is not given even where the file says it: from COLMAP's points, else from masks, else from "
-         "the cameras' axes")
+  app.add_flag("--auto-frame", o.auto_frame,
+               "Estimate what is not given even if the file states it: from COLMAP's points, else from masks, else "
+               "from the cameras' axes")
       ->group(placement_group);
   app.add_option("--crop", o.crop,
-                 "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "
+                 "How pictures of another size or shape are used: object crops around the cube, crop takes the centre "
                  "square, pad adds white, auto resamples square ones and treats others as object")
       ->check(one_of({"auto", "object", "crop", "pad"}))
       ->type_name("auto|object|crop|pad")

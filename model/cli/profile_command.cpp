@@ -38,7 +38,7 @@ struct ReadProfile {
 };
 
 [[noreturn]] void refuse_profile(const std::string& path, const std::string& what) {
-  throw std::runtime_error(path + ": is no profile as --profile FILE.json writes it: " + what);
+  throw std::runtime_error(path + ": is not a profile as --profile FILE.json writes it: " + what);
 }
 
 double profile_seconds(const std::string& path, const json& of, const char* field, double unit = 1) {
@@ -208,8 +208,9 @@ void add_profile(CLI::App& app, Run& run) {
   CLI::App* sub = parent->add_subcommand("diff", "Show what has become slower or faster from one profile to another");
   sub->add_option("before", o->before, "A profile that --profile wrote")->required()->type_name("BEFORE.json");
   sub->add_option("after", o->after, "The one it is compared with")->required()->type_name("AFTER.json");
-  sub->add_option("--fail-above", o->fail_above,
-                  "End with 1 where the wall or a stage is slower by more; stages under 1 % of the wall are let pass")
+  sub->add_option(
+         "--fail-above", o->fail_above,
+         "Exit with 1 if the wall or a stage is slower by more than this; stages under 1 % of the wall are ignored")
       ->type_name("P%");
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});
   sub->footer(

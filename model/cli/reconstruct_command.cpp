@@ -65,11 +65,11 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   if (!o.refine && !(o.fit.steps.empty() && o.fit.size.empty() && o.fit.sheet.empty() && o.fit.seconds.empty()))
     throw UsageError("--refine-steps, --refine-time, --refine-size and --refine-sheet need --refine");
   if (o.refine && !o.selection.empty())
-    throw UsageError("--selection is of one set of views, and --refine asks the network about others, too");
+    throw UsageError("--selection belongs to one set of views, but --refine runs the network on others, too");
   if (o.refine) fit.emplace(o.fit, fit_names);
   run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   if (!o.selection_seed.empty()) {
-    if (run.selection) throw UsageError("--selection-seed has nothing to select beside --selection: give one of them");
+    if (run.selection) throw UsageError("--selection-seed has no effect with --selection: give one of them");
     run.has_seed = 1;
     run.seed = seed_value("--selection-seed", o.selection_seed);
   }
@@ -185,7 +185,7 @@ std::string dump_file(const ReconstructOptions& o) {
 
 void reconstruct(ReconstructOptions& o) {
   if (o.views.empty() && o.list.empty()) throw UsageError("VIEWS is required, or --list");
-  if (o.skip_existing && o.list.empty()) throw UsageError("--skip-existing is of --list");
+  if (o.skip_existing && o.list.empty()) throw UsageError("--skip-existing needs --list");
   Request request(o);
   set_up_library(o.common);
   if (!o.list.empty())
@@ -258,30 +258,30 @@ void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
                "Then fit the scene to the pictures, as `vsplat fit --start network` does: to those of --views, "
                "else all")
       ->group(group);
-  sub.add_option("--refine-steps", o.fit.steps, "How many (default: auto, by the number of views)")
+  sub.add_option("--refine-steps", o.fit.steps, "Number of steps (default: auto, by the number of views)")
       ->type_name("N|auto")
       ->group(group);
-  sub.add_option("--refine-time,--time", o.fit.seconds, "No step begins that would end after so long")
+  sub.add_option("--refine-time,--time", o.fit.seconds, "Time limit: no step begins that would end later")
       ->type_name("SECONDS")
       ->group(group);
   sub.add_option("--refine-size", o.fit.size, "Pixels of the pictures' longer side (default 512)")
       ->type_name("N|full")
       ->group(group);
   sub.add_option("--refine-sheet", o.fit.sheet,
-                 "For each picture held out a row: picture, what the network makes, result, 4 x difference")
+                 "A row for each held-out picture: picture, the network's result, the fit's result, 4 x difference")
       ->type_name("FILE.png")
       ->group(group);
 }
 
 void add_extras(CLI::App& sub, ReconstructOptions& o) {
   const std::string group = "More";
-  sub.add_option("--write-views", o.write_views, "Write what the network gets: pictures and cameras.json")
+  sub.add_option("--write-views", o.write_views, "Write the network's input: pictures and cameras.json")
       ->type_name("DIR")
       ->group(group);
   sub.add_option("--write-selection", o.write_selection, "Write the selected voxels as text")
       ->type_name("FILE")
       ->group(group);
-  sub.add_option("--selection", o.selection, "Take these voxels instead of selecting")->type_name("FILE")->group(group);
+  sub.add_option("--selection", o.selection, "Use these voxels instead of selecting")->type_name("FILE")->group(group);
   sub.add_option("--selection-seed", o.selection_seed, "Select with noise from this seed (default: without noise)")
       ->type_name("S")
       ->group(group);
@@ -307,15 +307,14 @@ void add_list(CLI::App& sub, ReconstructOptions& o) {
       others.push_back(option);
   const std::string group = "Many objects";
   CLI::Option* list =
-      sub.add_option(
-             "--list", o.list,
-             "A text file (or - for stdin) with a VIEWS a line, as on the command line, and after a tab, where "
-             "it is given, the scene's name: each becomes DIR/NAME.ply. What cannot be read is told at the end, "
-             "the others are made; --device takes several")
+      sub.add_option("--list", o.list,
+                     "A text file (or - for stdin) with one VIEWS a line, as on the command line, and optionally a tab "
+                     "and the scene's name: each becomes DIR/NAME.ply. Objects that cannot be read are reported at the "
+                     "end, the others are made; --device takes several")
           ->type_name("FILE")
           ->group(group);
   for (CLI::Option* other : others) list->excludes(other);
-  sub.add_flag("--skip-existing", o.skip_existing, "Of --list: leave out those whose scene is there")->group(group);
+  sub.add_flag("--skip-existing", o.skip_existing, "With --list: skip objects whose scene exists")->group(group);
 }
 
 }  // namespace
@@ -327,21 +326,21 @@ void add_reconstruct(CLI::App& app, Run& run) {
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->type_name("VIEWS");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
-  sub->add_option("-o,--output", o->output, "The scene to write; of --list the folder for the scenes")
+  sub->add_option("-o,--output", o->output, "The scene to write; with --list, the folder for the scenes")
       ->type_name("SCENE.ply|DIR");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
                   "(default: well spread ones, as many as --view-count says, or all)")
       ->type_name("NAME,...|@INDEX,...");
   sub->add_option("--view-count", o->view_count,
-                  "How many pictures to take where there are more, 1 to 16 (default: what the model's makers measured; "
-                  "`vsplat weights info` shows it as use_views, or views)")
+                  "How many pictures to use if there are more, 1 to 16 (default: what the model's makers measured to "
+                  "be best; `vsplat weights info` shows it as use_views, or views)")
       ->check(CLI::Range(1, 16).description(""))
       ->excludes("--views")
       ->type_name("N");
   add_view_options(*sub, o->picture_folder, o->pictures.skip_bad);
   add_placement_options(*sub, o->placement);
-  sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
+  sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")
       ->group(placement_group);
   add_picture_options(*sub, o->pictures, "--render");
   add_fit_after(*sub, *o);
@@ -357,10 +356,10 @@ void add_reconstruct(CLI::App& app, Run& run) {
       "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"
       "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
       "  vsplat reconstruct --list objects.txt --output scenes/ --device all --skip-existing\n"
-      "The scene is in the world of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP; alpha and masks\n"
-      "become white.\n"
-      "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json world-to-camera\n"
-      "with x right, y down, z forward.");
+      "The scene is in the world of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP; the\n"
+      "background by alpha or masks becomes white.\n"
+      "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json\n"
+      "world-to-camera with x right, y down, z forward.");
   sub->callback([o, &run] { run = [o] { reconstruct(*o); }; });
 }
 

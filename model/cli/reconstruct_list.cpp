@@ -58,10 +58,10 @@ std::vector<Object> read_list(const ListRequest& request) {
     if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos ||
         name.find('\t') != std::string::npos)
       throw UsageError(where + "the scene's name is \"" + name +
-                       "\": a file's name without its ending is expected, after a tab behind the views");
+                       "\": a file's name without its ending is expected, after the views and a tab");
     if (const auto [other, is_new] = lines.emplace(name, number); !is_new)
       throw UsageError(where + "its scene would be " + name + ".ply, as that of line " + std::to_string(other->second) +
-                       ": give one of them another name, after a tab behind the views");
+                       ": give one of them another name, after the views and a tab");
     out.push_back({views, (fs::path(request.output) / (name + ".ply")).string(), out.size()});
   }
   if (out.empty()) throw UsageError(request.list + " lists no views");
@@ -114,7 +114,7 @@ void reconstruct_list(const ListRequest& request) {
   Common& common = request.common;
   const Ranks ranks = join_ranks(common);
   if (ranks.several() && request.list == "-")
-    throw UsageError("--list -: of several processes one alone has stdin; give a file");
+    throw UsageError("--list -: only one of several processes has stdin; give a file");
   std::vector<Object> objects = read_list(request);
   std::erase_if(objects, [&](const Object& o) {
     return o.place % static_cast<std::size_t>(ranks.count) != static_cast<std::size_t>(ranks.rank);
@@ -180,7 +180,7 @@ void reconstruct_list(const ListRequest& request) {
     if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
     if (ranks.several()) gathered(objects, skipped);  // rank 0 may be waiting for it
     throw std::runtime_error("interrupted: the scenes that were made are in " + request.output +
-                             ", and --skip-existing goes on from there");
+                             ", and --skip-existing continues from there");
   }
   if (ranks.leads()) session.write_profile(outputs);
   outputs.commit();

@@ -69,7 +69,7 @@ void render(const RenderOptions& o) {
   if (o.dry_run) refuse_profile_of_dry_run(o.common);
   if (!job.wanted) throw UsageError("render needs --cameras");
   if (job.orbit_options.has_up && !job.choice.orbit)
-    throw UsageError("--up is of the cameras on a circle: it needs orbit:N");
+    throw UsageError("--up applies to cameras on a circle: it needs orbit:N");
   if (!job.written && !o.dry_run)
     throw UsageError(
         "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
@@ -86,7 +86,7 @@ void render(const RenderOptions& o) {
   if (job.choice.orbit) {
     const vsplat_scene_info info = scene.info();
     if (!job.orbit_options.has_up && info.up[0] == 0 && info.up[1] == 0 && info.up[2] == 0)
-      say(o.common, o.scene + " does not tell which way is up: -y is taken (--up 0,0,1 for scenes that stand on xy)");
+      say(o.common, o.scene + " does not say which way is up: -y is used (--up 0,0,1 for scenes that stand on xy)");
     shots.listed = naming({o.scene}, {}, [&] { return scene.orbit(job.orbit_options); });
     shots.all = shots.listed.all();
   }
@@ -117,9 +117,8 @@ void add_render(CLI::App& app, Run& run) {
                 "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), "
                 "cameras that "
                 "cannot be used, and pictures of --compare that are missing or cannot be read");
-  sub->add_flag(
-         "--exact-tiles", o->pictures.exact_tiles,
-         "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, sooner where many are thin")
+  sub->add_flag("--exact-tiles", o->pictures.exact_tiles,
+                "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, faster if many are thin")
       ->group("Pictures");
   sub->add_flag("--dry-run", o->dry_run, "Only say how much memory it would take");
   add_common(*sub, o->common);
@@ -133,13 +132,12 @@ void add_render(CLI::App& app, Run& run) {
       "  vsplat render scene.ply --cameras orbit:1 --up 0,0,1 --orbit-elevation -10 --images x/ --format exr\n"
       "  vsplat render scene.ply --cameras orbit:24 --images set/ --background transparent --write-cameras "
       "set/cameras.json\n"
-      "orbit:N is a circle about the scene, from where all of it is in the picture; up is what the file tells, else "
-      "-y.\n"
-      "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between, "
-      "round\n"
-      "the point that they look at where there is one.\n"
-      "--compare: alpha and the cameras' masks come over --background, lens distortion is undone; SSIM takes 11 x 11\n"
-      "Gaussian windows, sigma 1.5; with --json, null is an infinite PSNR (equal) or the SSIM of a picture too small.\n"
+      "orbit:N is a circle around the scene, with all of it in each picture; up comes from the file, else it is -y.\n"
+      "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between,\n"
+      "around the point that they look at if there is one.\n"
+      "--compare: alpha and masks put the pictures over --background, lens distortion is undone; SSIM takes 11 x 11\n"
+      "Gaussian windows, sigma 1.5; with --json, null is an infinite PSNR (equal) or the SSIM of a picture too\n"
+      "small.\n"
       "cameras.json: [{\"file\", \"w\", \"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"w2c\": 4x4}, ...], x right, y down, z "
       "forward.");
   sub->callback([o, &run] { run = [o] { render(*o); }; });

@@ -39,7 +39,7 @@ void report(const ReportOptions& o) {
   outputs.keep();
   const nlohmann::ordered_json doctor = nlohmann::ordered_json::parse(before)["doctor"];
   if (!may_open(doctor)) {
-    warn("no device is opened: see what `vsplat doctor` tells; the report has that");
+    warn("no device is opened: see `vsplat doctor`; the report has its findings");
   } else if (!o.no_run) {
     try {
       Session session(o.common);
@@ -60,24 +60,23 @@ void report(const ReportOptions& o) {
   }
   outputs.commit();
   say(o.common,
-      o.output + ": names of users, of the machine and of their folders are replaced; look at it before it is sent");
+      o.output + ": names of users, of the machine and of their folders are replaced; read it before you send it");
 }
 
 }  // namespace
 
 void add_report(CLI::App& app, Run& run) {
   auto o = std::make_shared<ReportOptions>();
-  CLI::App* sub = app.add_subcommand("report", "Write what a report of a defect should tell into one file");
+  CLI::App* sub = app.add_subcommand("report", "Write the facts for a report of a defect into one file");
   sub->add_option("-o,--output", o->output, "Where it goes (default: vsplat-report.json)")->type_name("FILE.json");
-  sub->add_option("--seconds", o->seconds,
-                  "What one driver may take to be loaded and to tell its devices (default: 20)")
+  sub->add_option("--seconds", o->seconds, "Time limit for one driver to load and to list its devices (default: 20)")
       ->check(CLI::Range(0.1, 3600.0))
       ->type_name("S");
   sub->add_flag("--no-run", o->no_run, "Open no device: without the standard run and its profile");
   add_common(*sub, o->common, {.profile = false, .json = false, .outside = false});
   sub->footer(
-      "JSON, which a person can read, look through before it is sent, and paste. What is known without a device is\n"
-      "written first, so that it is there where a driver ends the process.\n"
+      "The report is JSON, which you can read before you send or paste it. Facts that need no device are written\n"
+      "first, so they are there even if a driver ends the process.\n"
       "Examples:\n"
       "  vsplat report\n"
       "  vsplat report --output report.json --device gpu");

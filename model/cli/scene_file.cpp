@@ -22,7 +22,7 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
     outputs_.begin(offset_path_);  // which save() writes
     char text[128];
     std::snprintf(text, sizeof text, "(%.12g, %.12g, %.12g)", offset_[0], offset_[1], offset_[2]);
-    say(common, path_ + ": too far from the world's origin for floats: positions in it are relative to " + text +
+    say(common, path_ + ": is too far from the world's origin for floats: its positions are relative to " + text +
                     ", which " + offset_path_ + " tells other programs");
   }
   scene.save(outputs_.begin(path_));

@@ -114,23 +114,22 @@ void selftest(const SelftestOptions& o) {
 
 void add_selftest(CLI::App& app, Run& run) {
   auto o = std::make_shared<SelftestOptions>();
-  CLI::App* sub = app.add_subcommand("selftest", "Find out whether a device computes rightly, kernel by kernel");
+  CLI::App* sub = app.add_subcommand("selftest", "Test whether a device computes correctly, kernel by kernel");
   sub->add_option("-d,--device", o->common.device,
                   "OpenCL device: index, platform:device, cpu, gpu, or part of a name (`vsplat devices` lists them)")
       ->type_name("DEVICE");
-  sub->add_flag("--quick", o->quick, "Fewer sizes of everything");
-  sub->add_flag("--forget", o->forget, "Remember nothing of it");
-  sub->add_option("--patience", o->patience,
-                  "Take a device that gives no sign for so long for one that hangs (default 300)")
+  sub->add_flag("--quick", o->quick, "Test fewer sizes of everything");
+  sub->add_flag("--forget", o->forget, "Do not store the verdict");
+  sub->add_option("--patience", o->patience, "Time without a sign after which a device counts as hanging (default 300)")
       ->type_name("SECONDS")
       ->check(CLI::Range(1.0, 1e6));
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});
   sub->footer(
-      "Every kernel of both flavours and the network's stages run on numbers made here, twice, and are held against\n"
-      "scalar implementations. What is wrong is switched off where there is something else for it, for this device,\n"
-      "driver and version: other commands say so in their first line. Where there is nothing else they refuse the\n"
-      "device, but with VSPLAT_SELFTEST=ignore. A driver that crashes or hangs ends a process that is there for it:\n"
-      "what it was doing counts as wrong, and the test goes on. Exit code 1: unusable.\n"
+      "Every kernel of both flavours and the network's stages run twice on generated numbers and are compared with\n"
+      "scalar implementations. For this device, driver and version, wrong kernels are switched off if there is an\n"
+      "alternative; other commands say so in their first line. If there is none, they refuse the device, except with\n"
+      "VSPLAT_SELFTEST=ignore. The tests run in a process of their own: if a driver crashes it or hangs, the current\n"
+      "test counts as wrong, and the others continue. Exit code 1: unusable.\n"
       "Examples:\n"
       "  vsplat selftest\n"
       "  vsplat selftest -d gpu --quick\n"

@@ -47,19 +47,19 @@ vsplat_device_options Session::options(const std::string& device) {
 Session::Session(const Common& common, Devices most) : common_(common) {
   const std::vector<std::string> named = named_devices(common.device);
   if (named.size() > 1 && most == Devices::one)
-    throw UsageError(
-        "--device " + common.device + " is " + std::to_string(named.size()) +
-        " devices, and this takes one: render, evaluate, train and reconstruct --list share their work out");
+    throw UsageError("--device " + common.device + " is " + std::to_string(named.size()) +
+                     " devices, but this command takes one: render, evaluate, train and reconstruct --list share work "
+                     "among several");
   const bool timed = wants_times(common_);
   if (named.size() > 1 && timed)
-    throw UsageError("--profile and --trace are of one device: --device " + common.device + " is " +
+    throw UsageError("--profile and --trace need one device: --device " + common.device + " is " +
                      std::to_string(named.size()));
   for (const std::string& name : named) {
     devices_.emplace_back(options(name));
     const vsplat_device_info info = devices_.back().info();
     if (info.platform_name == std::string("Portable Computing Language"))
       vsplat::sys::tell_of_faults(
-          "vsplat: a fault of PoCL's or of its own ends it. PoCL's compiled kernels may be damaged: `rm -r " +
+          "vsplat: crashed by a fault in PoCL or in vsplat. PoCL's compiled kernels may be damaged: `rm -r " +
           vsplat::pocl_cache().path + "` clears them, and they are compiled again\n");
     for (std::size_t i = 0; i + 1 < devices_.size(); ++i)
       if (devices_[i].info().index == info.index)

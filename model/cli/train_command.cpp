@@ -138,8 +138,8 @@ void expect_run(const TrainOptions& o, const std::string& config, Outputs& outpu
   }
   files.push_back((folders.front() / "report.html").string());
   if (!checkpoints.empty() && !o.resume)
-    throw UsageError(o.output + ": a training's checkpoints are there already (" + checkpoints.front() +
-                     "): --resume goes on from them; or name another folder");
+    throw UsageError(o.output + ": holds a training's checkpoints already (" + checkpoints.front() +
+                     "): --resume continues from them; or name another folder");
   // A run that was killed before its first checkpoint has left only its configuration.
   const std::string configuration = files.front();
   std::error_code error;
@@ -244,10 +244,10 @@ void train(TrainOptions& o) {
   const vsplat_train_result result = naming(o.data, {o.output, o.init, o.textures, o.selection},
                                             [&] { return vsplat::train(session.device(), config, options); });
   if (!ranks.leads()) return;
-  if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
+  if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were skipped");
   say(o.common, "at most " + bytes_text(result.peak) + " of device memory");
   const std::string model = o.output + "/model.safetensors";
-  if (result.stopped) tell_stop(o.common, "stopped after step " + std::to_string(result.step) + "; --resume goes on");
+  if (result.stopped) tell_stop(o.common, "stopped after step " + std::to_string(result.step) + "; --resume continues");
   if (o.common.json) {
     nlohmann::ordered_json out = {{"step", result.step},
                                   {"stopped", result.stopped != 0},
@@ -268,9 +268,8 @@ void add_train(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("train", "Train a model on data sets of posed pictures");
   sub->add_option("config", o->config, "What to train and how, a JSON file; absent fields take their defaults")
       ->type_name("CONFIG.json");
-  sub->add_option(
-         "--data", o->data,
-         "Folders with objects, or an object's folder; none are needed where the configuration's procedural is 1")
+  sub->add_option("--data", o->data,
+                  "Folders with objects, or an object's folder; none are needed if the configuration's procedural is 1")
       ->type_name("DIR...");
   sub->add_option("--textures", o->textures,
                   "A folder of pictures that procedural objects and rooms' walls are covered with (the configuration's "
@@ -284,15 +283,14 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
       ->type_name("MODEL.safetensors");
   sub->add_option("--pose-noise", o->pose_noise,
-                  "Deviation of the noise on input views' poses, drawn for each object, instead of the "
+                  "Standard deviation of the noise on input views' poses, drawn for each object, instead of the "
                   "configuration's pose_noise")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SIGMA");
-  sub->add_flag("--resume", o->resume, "Go on from the newest good checkpoint in RUN");
-  sub->add_option(
-         "--extend", o->extend,
-         "With --resume: N more steps after the configuration's, with a rise and a cosine of the learning rate "
-         "of their own; --extend N,M goes on after those")
+  sub->add_flag("--resume", o->resume, "Continue from the newest good checkpoint in RUN");
+  sub->add_option("--extend", o->extend,
+                  "With --resume: N more steps after the configuration's, with their own rise and cosine of the "
+                  "learning rate; --extend N,M continues after those")
       ->delimiter(',')
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1000000000}))
       ->type_name("N[,M...]");
@@ -300,16 +298,16 @@ void add_train(CLI::App& app, Run& run) {
                   "Train nothing: write one page with the curves of these runs, --output FILE.html")
       ->type_name("RUN...");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
-  sub->add_flag("--skip-bad", o->skip_bad, "Pass over and count data that cannot be read");
+  sub->add_flag("--skip-bad", o->skip_bad, "Skip and count data that cannot be read");
   const char* memory = "Memory";
   sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes; needs no data")->group(memory);
   sub->add_option("--assume-selected", o->assume_selected,
-                  "Share of the voxels that memory is made for at first (default " +
+                  "Share of the voxels that memory is reserved for at first (default " +
                       share_text(VSPLAT_TRAIN_ASSUME_SELECTED) + ")")
       ->type_name("F")
       ->group(memory);
   sub->add_option("--assume-intersections", o->assume_intersections,
-                  "Of Gaussians with tiles in a picture, as log.csv has them (default: 8 for each Gaussian)")
+                  "Intersections of Gaussians with tiles in a picture, as in log.csv (default: 8 for each Gaussian)")
       ->type_name("N")
       ->group(memory);
   sub->add_option("--selection", o->selection, "Refine these voxels in every step, whatever the network chooses")
@@ -317,11 +315,10 @@ void add_train(CLI::App& app, Run& run) {
       ->group(memory);
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
-      "Sizes, the configuration's \"model\": tiny (pictures of 48 x 48 pixels; to see within minutes that it all "
-      "works),\n"
-      "small (128 x 128; what two CPU cores train, for days: half a minute a step), paper (512 x 512; for a GPU:\n"
-      "--dry-run tells how much memory a step takes). --print-config shows every field.\n"
-      "An interrupt (Ctrl-C) writes a checkpoint and stops; what is resumed ends with the same bits.\n"
+      "Sizes, the configuration's \"model\": tiny (pictures of 48 x 48 pixels; to see within minutes that it all\n"
+      "works), small (128 x 128; two CPU cores train it in days, at half a minute a step), paper (512 x 512; for a\n"
+      "GPU: --dry-run shows how much memory a step takes). --print-config shows every field.\n"
+      "An interrupt (Ctrl-C) writes a checkpoint and stops; a resumed training ends with the same bits.\n"
       "Example:\n"
       "  vsplat dataset procedural --count 64 --size 128 --output objects\n"
       "  echo '{\"model\": \"small\", \"steps\": 20000}' > small.json\n"

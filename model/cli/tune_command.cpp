@@ -54,7 +54,7 @@ void print_tuned(const Json& told) {
   }
   const std::string table = told["table"];
   if (table.empty())
-    std::printf("the defaults are best, as far as was tried\n");
+    std::printf("the defaults are the best that was tried\n");
   else
     std::printf("table %s: %s\n", table.substr(0, 12).c_str(), for_terminal(told["path"]).c_str());
 }
@@ -63,13 +63,13 @@ std::string text_of_search(const Session& session, const vsplat::Model& model, c
   return session.device().tune(model.get(), options);
 } catch (const vsplat::Error& e) {
   if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
-  throw std::runtime_error("stopped; what was tried is kept, and another run goes on from there");
+  throw std::runtime_error("stopped; what was tried is kept, and another run continues from there");
 }
 
 void tune(const TuneOptions& o) {
   set_up_library(o.common);
   if (o.quick && o.full) throw UsageError("--quick and --full: one of them");
-  if (o.full && o.seconds > 0) throw UsageError("--seconds is of --quick: --full takes as long as it takes");
+  if (o.full && o.seconds > 0) throw UsageError("--seconds needs --quick: --full has no time limit");
   const vsplat::Model model = load_model(o.model);
   Session session(o.common);
   vsplat_tune_options options = VSPLAT_TUNE_OPTIONS_INIT;
@@ -84,9 +84,10 @@ void tune(const TuneOptions& o) {
   const Json told = Json::parse(text_of_search(session, model, options));
   clear_progress();
   const auto tried = told["tried"].get<long>(), left = told["left"].get<long>();
-  say(o.common,
-      std::to_string(tried) + " sets tried in " + seconds_text(told["seconds"]) +
-          (left > 0 ? "; " + std::to_string(left) + " more are left for another run, for want of time or memory" : ""));
+  say(o.common, std::to_string(tried) + " sets tried in " + seconds_text(told["seconds"]) +
+                    (left > 0 ? "; " + std::to_string(left) +
+                                    " more are left for another run, since time or memory did not suffice"
+                              : ""));
   if (o.common.json)
     print_json(told);
   else
@@ -102,27 +103,25 @@ void tune(const TuneOptions& o) {
 void add_tune(CLI::App& app, Run& run) {
   auto o = std::make_shared<TuneOptions>();
   CLI::App* sub = app.add_subcommand("tune", "Find a device's fastest kernels, and use them from then on");
-  sub->add_flag("--quick", o->quick, "About a minute: what takes longest first, one parameter at a time (the default)");
+  sub->add_flag("--quick", o->quick,
+                "About a minute: the slowest operations first, one parameter at a time (the default)");
   sub->add_flag("--full", o->full, "All combinations of values, for as long as it takes");
-  sub->add_option("--seconds", o->seconds, "After which --quick begins nothing more (default: 50)")
+  sub->add_option("--seconds", o->seconds, "Time after which --quick begins nothing more (default: 50)")
       ->check(positive())
       ->type_name("S");
   sub->add_flag("--again", o->again, "Also try again what was tried before");
-  sub->add_option("--model", o->model, "Whose sizes are tuned for (default: the model inside)")
+  sub->add_option("--model", o->model, "The model whose sizes are tuned for (default: the built-in model)")
       ->type_name("MODEL.safetensors");
   sub->add_option("--for", o->jobs, "Whose sizes: of reconstruct,render,fit,train (default: reconstruct,render)")
       ->type_name("JOBS");
-  sub->add_option(
-         "-o,--output", o->output,
-         "Write the table here, for VSPLAT_TUNING; what was tried is taken up from it (default: into the cache)")
+  sub->add_option("-o,--output", o->output,
+                  "Write the table here, for VSPLAT_TUNING; what was tried is reused from it (default: into the cache)")
       ->type_name("TABLE.json");
   add_common(*sub, o->common, {.profile = false, .overwrite = false, .outside = false});
   sub->footer(
-      "Each set of parameters is held against sums in double precision before it may win, and timed beside the best "
-      "so\n"
-      "far; what is wrong is refused by name. What was tried is kept at once: a search that is stopped goes on where "
-      "it\n"
-      "was. VSPLAT_TUNING=off runs without a table, VSPLAT_TUNING=TABLE.json with that one.\n"
+      "Each set of parameters is checked against sums in double precision before it may win, and timed against the\n"
+      "best so far; wrong sets are refused by name. What was tried is kept at once: a search that was stopped\n"
+      "continues where it was. VSPLAT_TUNING=off runs without a table, VSPLAT_TUNING=TABLE.json with that table.\n"
       "Examples:\n"
       "  vsplat tune\n"
       "  vsplat tune --full --for reconstruct,render,train\n"

@@ -89,8 +89,8 @@ void check(const WeightsOptions& o) {
   };
   nlohmann::ordered_json warning;  // null
   if (found["below_nearest"].get<bool>())
-    warning = "the input views are drawn at " + decibels(found["psnr"]) +
-              ", and the nearest other one in the place of each reaches " + decibels(found["psnr_nearest"]) +
+    warning = "the drawn input views reach " + decibels(found["psnr"]) +
+              ", but the nearest other view in place of each reaches " + decibels(found["psnr_nearest"]) +
               ": the weights are untrained, damaged, or were not imported as they were trained";
   if (o.common.json) {
     nlohmann::ordered_json out{{"model", o.name()}};
@@ -151,14 +151,13 @@ void import(const WeightsOptions& o) {
   for (const auto& name : all["left_out"]) say(o.common, "left out: " + name.get<std::string>());
   if (all["encoder_alone"].get<bool>())
     say(o.common,
-        "an encoder alone: the rest of the model has random weights (seed 0) and is to be trained, as with "
-        "vsplat train --init");
+        "only an encoder: the rest of the model has random weights (seed 0) and must be trained, as with vsplat train "
+        "--init");
   const std::string shapes =
       all["named"].is_null() ? "of no named configuration" : "as " + all["named"].get<std::string>();
   say(o.common, o.output + ": " + std::to_string(model.info().parameters) + " parameters, shapes " + shapes + ", " +
                     bytes_text(std::filesystem::file_size(o.output)));
-  if (!all["encoder_alone"].get<bool>())
-    say(o.common, "next, whether it does what it should: vsplat weights check " + o.output);
+  if (!all["encoder_alone"].get<bool>()) say(o.common, "next, check that it works: vsplat weights check " + o.output);
   if (!o.common.json) return;
   nlohmann::ordered_json out{{"output", o.output}, {"parameters", model.info().parameters}};
   out.update(all);
@@ -196,27 +195,23 @@ void add_convert(CLI::App& parent, Run& run) {
 void add_import(CLI::App& parent, Run& run) {
   auto o = std::make_shared<WeightsOptions>();
   CLI::App* sub = parent.add_subcommand(
-      "import", "Make a model file of a checkpoint of VS-Splat, LaRa or GenDen, or of a DINO or DINOv3 encoder");
+      "import", "Make a model file from a checkpoint of VS-Splat, LaRa or GenDen, or from a DINO or DINOv3 encoder");
   sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
       ->required()
       ->type_name("FILE");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
   sub->add_option("--config", o->config,
-                  "Fields of the configuration, which shapes do not tell, with dotted names or as objects; or what "
-                  "`vsplat weights "
-                  "info --json` prints")
+                  "Fields of the configuration that shapes do not determine, with dotted names or as objects; or the "
+                  "output of `vsplat weights info --json`")
       ->type_name("FILE.json");
-  sub->add_option("--set", o->fields, "Such a field, after those of --config")->type_name("FIELD=VALUE");
+  sub->add_option("--set", o->fields, "One such field, applied after those of --config")->type_name("FIELD=VALUE");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
   sub->callback([o, &run] { run = [o] { import(*o); }; });
   sub->footer(
-      "Nothing in the file is run: what is not a state dict's is refused by its name. Sizes come from the tensors' "
-      "shapes;\n"
-      "what they do not tell (heads, groups, windows, the pictures' and the volume's size) is that of the named "
-      "configuration\n"
-      "that has all of them, else it has to be said. Of an encoder alone, DINO's or DINOv3's in timm's or Meta's "
-      "naming,\n"
-      "a model is made whose other weights are random, to begin a training with.\n"
+      "Nothing in the file is run: what a state dict does not need is refused by name. Sizes come from the tensors'\n"
+      "shapes; the rest (heads, groups, windows, the pictures' and the volume's size) comes from the named\n"
+      "configuration with all of these shapes, or else must be given. An encoder alone, DINO's or DINOv3's in timm's\n"
+      "or Meta's naming, becomes a model whose other weights are random, to begin a training with.\n"
       "Examples:\n"
       "  vsplat weights import epoch=49.ckpt --output model.safetensors\n"
       "  vsplat weights import own.ckpt --output own.safetensors --set vit_heads=6 --set groups=16 --set image=256 \\\n"
@@ -232,21 +227,19 @@ void add_weights(CLI::App& app, Run& run) {
              kOfFile)
       ->footer("Examples:\n  vsplat weights info\n  vsplat weights info model.safetensors");
   add_action(*sub, run, std::make_shared<WeightsOptions>(), "verify",
-             "Read all of it: structure, every tensor's shape and values, and the hash where one is stated", verify,
+             "Check the whole file: structure, every tensor's shape and values, and the hash if one is stated", verify,
              kOfFile)
       ->footer("Example:\n  vsplat weights verify model.safetensors");
   add_action(*sub, run, std::make_shared<WeightsOptions>(), "check",
-             "Reconstruct an object that needs no file, and tell how well its input views are drawn again", check,
+             "Reconstruct an object that needs no file, and measure how well its input views are drawn again", check,
              {.outside = false})
       ->footer(
-          "The object is a random one that is the same for every model, in as many views as it is trained with. PSNR "
-          "is told "
-          "of each\n"
-          "view, and beside it what the nearest other input view reaches in its place; a mean below that is a warning, "
-          "and the "
-          "exit\n"
-          "code is 0.\n"
-          "Examples:\n  vsplat weights check\n  vsplat weights check model.safetensors --json");
+          "The object is random, but the same for every model, in as many views as the model is trained with.\n"
+          "Each view's PSNR is printed beside what the nearest other input view reaches in its place; a mean below\n"
+          "that gives a warning, and the exit code stays 0.\n"
+          "Examples:\n"
+          "  vsplat weights check\n"
+          "  vsplat weights check model.safetensors --json");
   add_convert(*sub, run);
   add_import(*sub, run);
   sub->footer(

@@ -256,7 +256,7 @@ class Trainings(train_support.Case):
         first.send_signal(signal.SIGHUP)
         _, err = first.communicate(timeout=60)
         self.assertEqual(first.returncode, 129, err)
-        self.assertIn("--resume goes on", err)
+        self.assertIn("--resume continues", err)
         self.assertTrue([name for name in os.listdir(self.path("run")) if name.startswith("checkpoint-")])
 
 

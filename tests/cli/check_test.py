@@ -71,7 +71,7 @@ class Check(support.Case):
         self.assertEqual(wrong["psnr_nearest"], told["psnr_nearest"])
         self.assertIsNotNone(wrong["warning"])
         out, err = self.succeeds("weights", "check", damaged)
-        self.assertIn("warning: the input views are drawn at ", err)
+        self.assertIn("warning: the drawn input views reach ", err)
 
     def test_the_numbers_are_those_of_other_commands(self):
         """The same object, made by `dataset procedural`, reconstructed and drawn from its input views' cameras."""

@@ -93,7 +93,7 @@ class Import(Checkpoints):
         fields = {"vit_heads": 2, "groups": 2, "image": 16, "volume": 4}
         for left in fields:
             given = [word for name, value in fields.items() if name != left for word in ("--set", f"{name}={value}")]
-            err = self.refused(f"do not tell {left}:", "other.ckpt", *given, code=2)
+            err = self.refused(f"do not determine {left}:", "other.ckpt", *given, code=2)
             self.assertNotIn("vsplat_", err)
         json.dump({**fields, "views": 2, "image": 24}, open(self.path("fields.json"), "w"))
         told, _ = self.imports("other.ckpt", "--config", self.path("fields.json"), "--set", "image=16")

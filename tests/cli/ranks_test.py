@@ -143,7 +143,7 @@ class Ranks(train_support.Case):
             os.kill(int(child), signal.SIGTERM)
         _, err = process.communicate(timeout=60)
         self.assertNotEqual(process.returncode, 0, err)
-        self.assertIn("--skip-existing goes on", err)
+        self.assertIn("--skip-existing continues", err)
 
     def test_what_mpi_sees_alone_is_not_one_of_several(self):
         self.refuses(2, "sees only one", "evaluate", self.solids, env={"PMI_SIZE": "2"})

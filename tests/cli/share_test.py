@@ -165,7 +165,7 @@ class Share(support.Case):
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=support.PATIENCE)
         self.assertEqual(process.returncode, 130, err)
-        self.assertIn("--skip-existing goes on", err)
+        self.assertIn("--skip-existing continues", err)
         made = self.files("out")
         self.assertTrue(6 <= len(made) < 4000, len(made))
         self.assertEqual(len(set(made.values())), 1)  # complete files

@@ -259,7 +259,7 @@ class Train(train_support.Case):
         process.send_signal(signal.SIGINT)
         err = process.communicate(timeout=120)[1]
         self.assertEqual(process.returncode, 130, err)
-        self.assertIn("--resume goes on", err)
+        self.assertIn("--resume continues", err)
         (name,) = [n for n in os.listdir(self.path("stopped")) if n.startswith("checkpoint-")]
         step = int(name[11:19])
         self.assertTrue(1 <= step < 60, step)

@@ -229,7 +229,7 @@ class Tune(Searching):
         process.send_signal(signal.SIGTERM)
         _, err = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 128 + signal.SIGTERM, err)
-        self.assertIn("another run goes on from there", err)
+        self.assertIn("another run continues from there", err)
         with open(path) as f:
             self.assertNotIn("begun", f.read())
 

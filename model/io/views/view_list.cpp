@@ -83,11 +83,13 @@ std::string kind_of(const fs::path& file) {
 std::string how_to_get_poses(const fs::path& folder, const fs::path& pictures) {
   const std::string set = folder.string(), from = pictures.string();
   return fmt::format(
-      "the camera's pose must be known for each picture. COLMAP finds the poses:\n  colmap feature_extractor "
-      "--database_path {0}/database.db --image_path {1} --ImageReader.single_camera 1\n  colmap exhaustive_matcher "
-      "--database_path {0}/database.db\n  mkdir -p {0}/sparse && colmap mapper --database_path {0}/database.db "
-      "--image_path {1} --output_path {0}/sparse\nThen give {0} again. Masks leave the background out: PNG files in "
-      "{0}/masks, named like the pictures, white where the object is; rembg makes them (rembg p -om {1} {0}/masks)",
+      "the camera's pose must be known for each picture. COLMAP finds the poses:\n"
+      "  colmap feature_extractor --database_path {0}/database.db --image_path {1} --ImageReader.single_camera 1\n"
+      "  colmap exhaustive_matcher --database_path {0}/database.db\n"
+      "  mkdir -p {0}/sparse && colmap mapper --database_path {0}/database.db --image_path {1} --output_path "
+      "{0}/sparse\n"
+      "Then give {0} again. Masks leave the background out: PNG files in {0}/masks, named like the pictures, white "
+      "where the object is; rembg makes them (rembg p -om {1} {0}/masks)",
       set, from);
 }
 

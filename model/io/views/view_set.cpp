@@ -29,7 +29,7 @@ void count_pictures(const ViewSet& set, const ReadOptions& options) {
   if (missing == 0) return;
   const std::string looked = set.looked_for.empty() ? "" : fmt::format(" ({})", set.looked_for);
   if (missing == good)
-    fail(Status::input, "{}: none of the {} listed pictures is there; the first is {}{}{}", set.source.string(),
+    fail(Status::input, "{}: none of the {} pictures in the list is there; the first is {}{}{}", set.source.string(),
          missing, printable(first->name), looked,
          options.pictures_dir.empty() ? fmt::format("; give their folder ({})", Option::pictures) : "");
   warn("{}: {} of {} listed frames have no picture and are skipped; the first is {}{}", set.source.string(), missing,

@@ -161,8 +161,8 @@ static void refuses_images(program p, program other, vsplat_device device, vspla
   } cases[] = {{CL_RGBA, CL_UNORM_INT8, height, width, 0, "is an image of 40 x 52 pixels: 52 x 40 expected"},
                {CL_RGBA, CL_UNORM_INT8, width, height - 1, 0, "52 x 39 pixels"},
                {CL_RGBA, CL_UNORM_INT8, width + 1, height, 0, "53 x 40 pixels"},
-               {CL_RGBA, CL_FLOAT, width, height, 0, "another format than CL_RGBA with"},
-               {CL_BGRA, CL_UNORM_INT8, width, height, 0, "another format than CL_RGBA with"},
+               {CL_RGBA, CL_FLOAT, width, height, 0, "a format other than CL_RGBA with"},
+               {CL_BGRA, CL_UNORM_INT8, width, height, 0, "a format other than CL_RGBA with"},
                {CL_RGBA, CL_UNORM_INT8, width, height, 1, "an image of another cl_context"}};
   vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
   size_t i;

@@ -89,7 +89,7 @@ TEST_F(PictureRows, TakeLittleOfTheBudgetUnlessTheFormatNeedsAll) {
 
 TEST_F(PictureRows, AJpegThatGoesOverItsPixelsForEverIsRefused) {
   write_jpeg_of_many_scans(folder_ / "a.jpg", 64);
-  test::expect_error(Status::format, {"a.jpg", "more than 100 times"}, [&] { read_image(folder_ / "a.jpg"); });
+  test::expect_error(Status::format, {"a.jpg", "more than 100 scans"}, [&] { read_image(folder_ / "a.jpg"); });
 }
 
 TEST_F(PictureRows, CutBelowTheWindowAreFoundOut) {
