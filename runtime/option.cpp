@@ -1,5 +1,8 @@
 #include "runtime/option.h"
 
+#include <fmt/format.h>
+
+#include <iterator>
 #include <mutex>
 #include <utility>
 
@@ -38,3 +41,8 @@ void set_option_names(OptionNames given) {
 }
 
 }  // namespace vsplat
+
+fmt::format_context::iterator fmt::formatter<vsplat::Option>::format(vsplat::Option option,
+                                                                     fmt::format_context& ctx) const {
+  return fmt::formatter<fmt::string_view>::format(vsplat::option_name(option), ctx);
+}

@@ -49,7 +49,5 @@ void set_option_names(OptionNames names);
 
 template <>
 struct fmt::formatter<vsplat::Option> : fmt::formatter<fmt::string_view> {
-  auto format(vsplat::Option option, fmt::format_context& ctx) const {
-    return fmt::formatter<fmt::string_view>::format(vsplat::option_name(option), ctx);
-  }
+  fmt::format_context::iterator format(vsplat::Option option, fmt::format_context& ctx) const;
 };
