@@ -125,8 +125,8 @@ void Evaluator::check() const {
     fail(Status::usage, "vsplat_evaluate_options.pose_draws is {}: 1 to 1000 expected", options_.pose_draws);
   if (options_.pose_noise > 0 && options_.refine)
     fail(Status::usage,
-         "vsplat_evaluate_options.refine is not measured under vsplat_evaluate_options.pose_noise: it moves the scene "
-         "by the listed poses");
+         "vsplat_evaluate_options.refine is not measured under vsplat_evaluate_options.pose_noise: the fit uses the "
+         "listed poses");
   for (const Lpips* lpips : lpips_)
     if (lpips->smallest() > judged())
       fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",
