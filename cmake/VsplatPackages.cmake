@@ -6,7 +6,7 @@
 #   vsplat-window   the example that shows a scene and rotates it with the mouse, if SDL is installed
 #   vsplat          the command with its manual and completions, the Python module, and four example pictures
 # tests/install/packages.sh installs them in a bare system.
-set(VSPLAT_MAINTAINER "" CACHE STRING "Who answers for packages, NAME <ADDRESS>; empty: the author of the newest commit")
+set(VSPLAT_MAINTAINER "" CACHE STRING "Maintainer of the packages, NAME <ADDRESS>; empty: the author of the newest commit")
 set(maintainer ${VSPLAT_MAINTAINER})
 if(NOT maintainer)
   execute_process(COMMAND git log -1 "--format=%an <%ae>" WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
@@ -65,25 +65,25 @@ set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")  # the first line of each package's de
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_RECOMMENDS "pocl-opencl-icd | opencl-icd")  # works with any driver, and not at all without one
 set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: library
-Four posed photographs of an object in, a 3D Gaussian splat and pictures of it
-from anywhere out, in one forward pass of a network, on any OpenCL 1.2 device:
-a GPU, or the processor alone. Trains and measures such models, too.
+Turns four posed photographs of an object into a 3D Gaussian splat and draws it
+from anywhere, in one forward pass of a network, on any OpenCL 1.2 device: a GPU,
+or the processor alone. Also trains and measures such models.
 .
 This package has the library, with a small trained model inside.")
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "opencl-c-headers, pkg-config | cmake")
 set(CPACK_DEBIAN_DEV_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: development files
-What programs in C and C++ on libvsplat are built with: headers, a CMake package,
+What is needed to build C and C++ programs on libvsplat: headers, a CMake package,
 a pkg-config file, and examples. vsplat/opencl.h needs OpenCL's headers.")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "${library_package}-data")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "python3-numpy")
 set(CPACK_DEBIAN_TOOLS_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: command
-The command vsplat: makes scenes of posed photographs, fits and draws them,
-makes data sets, trains and measures models, and measures itself. With a Python
-module in /usr/share/vsplat/python.")
+The command vsplat: makes scenes from posed photographs, fits and draws them,
+makes data sets, trains and measures models, and measures itself. Includes a
+Python module in /usr/share/vsplat/python.")
 set(CPACK_DEBIAN_WINDOW_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_WINDOW_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_WINDOW_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: viewer
@@ -91,12 +91,12 @@ The program vsplat-window: a scene in a window, turned with the mouse.")
 set(CPACK_DEBIAN_DATA_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DATA_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DATA_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: data sets
-With this package libvsplat and the command vsplat draw meshes and random objects
-as posed pictures, to train on and to measure with, and read HDF5 files.
-Reconstructing and drawing scenes, and training on pictures, do without.")
+With this package, libvsplat and the command vsplat draw meshes and random objects
+as posed pictures, for training and measuring, and read HDF5 files. It is not
+needed to reconstruct and draw scenes, or to train on pictures.")
 set(CPACK_DEBIAN_MPI_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_MPI_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_MPI_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: MPI
-With this module several processes of the command vsplat that mpirun started
+With this module, several processes of the command vsplat, started by mpirun,
 share a training's steps, an evaluation's objects or a list of scenes.")
 include(CPack)

@@ -79,10 +79,9 @@ ReconstructOptions reconstruct_options_of(const vsplat_fit_options& o, const Con
   vsplat_reconstruct_options r = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
   if (o.reconstruct) r = taken(o.reconstruct, r, "options.reconstruct");
   if (r.voxels || r.selection)
-    fail(
-        Status::usage,
-        "options.reconstruct has a selection of voxels: it belongs to one set of views, and the network is asked about "
-        "others, too");
+    fail(Status::usage,
+         "options.reconstruct has a selection of voxels: it belongs to one set of views, but the network also runs on "
+         "others");
   if (!(r.near_plane >= 0)) fail(Status::usage, "options.reconstruct.near_plane is {}", r.near_plane);
   ReconstructOptions out;
   out.near = r.near_plane;

@@ -76,7 +76,7 @@ void Evaluator::check() const {
   if (options_.pose_draws < 1 || options_.pose_draws > 1000)
     fail(Status::usage, "{} is {}: 1 to 1000 expected", Option::pose_draws, options_.pose_draws);
   if (options_.pose_noise > 0 && options_.refine)
-    fail(Status::usage, "{} is not measured under {}: it moves the scene by the listed poses", Option::evaluate_fit,
+    fail(Status::usage, "{} is not measured under {}: the fit uses the listed poses", Option::evaluate_fit,
          Option::pose_noise);
   for (const Lpips* lpips : lpips_)
     if (lpips->smallest() > judged())

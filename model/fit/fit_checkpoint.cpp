@@ -67,8 +67,8 @@ std::optional<FitCheckpoint> load_fit_checkpoint(const std::string& folder, cons
   out.request = metadata_at(file, "request");
   if (out.request != request)
     fail(Status::usage,
-         "{}: this is the state of another fit: other views, options or another start. Give those that it was "
-         "begun with, or another folder",
+         "{}: this is the state of another fit: other views, options or another start. Give those that it began with, "
+         "or another folder",
          path);
   for (const auto& [key, text] : file.metadata())
     if (key.starts_with(kState)) out.state[key.substr(kState.size())] = text;

@@ -111,8 +111,8 @@ void Fitter::bound_on_screen(const Camera& camera) {
   shrink_on_screen({ctx_.read<float>(now.means), ctx_.read<float>(now.logits)}, camera, near_, most,
                    std::log(options_.low_scale), log_scales);
   ctx_.copy(ctx_.upload(now.log_scales.shape(), log_scales, Type::f32, "log scales"), now.log_scales);
-  verbose("step {}: {} Gaussians touch {} tiles of a picture, {} may be: the largest are made smaller", step_, count_,
-          found, most);
+  verbose("step {}: {} Gaussians touch {} tiles of a picture, at most {} are possible: the largest are made smaller",
+          step_, count_, found, most);
 }
 
 void Fitter::step(const DeviceFitPicture& picture, const FitAside& aside) {

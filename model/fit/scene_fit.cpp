@@ -122,7 +122,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
     from = load_fit_checkpoint(request.checkpoint, request_text);
   }
   if (from && !request.resume)
-    fail(Status::usage, "{}: there is the state of a fit already; {} goes on with it, another folder begins again",
+    fail(Status::usage, "{}: holds the state of a fit already; {} continues it, another folder begins again",
          fit_checkpoint_path(request.checkpoint), Option::fit_resume);
   warn_of_background();
   if (from)
@@ -158,7 +158,7 @@ void SceneFit::Impl::begin_leg() {
   Scene scene = !in_folds() && first ? *first : given.make(now.views);
   if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to fit");
   if (scene.gaussians.kind != GaussianKind::volume)
-    fail(Status::usage, "the start's Gaussians are surfels: those of three scales can be fitted");
+    fail(Status::usage, "the start's Gaussians are surfels: only those of three scales can be fitted");
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
   recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),

@@ -166,7 +166,7 @@ class Dinov3(support.Case):
     FIELDS = [word for field in ("vit_heads=2", "groups=2", "image=16", "volume=4", "volume_ch=4", "voxel_ch=8", "fine_dim=8", "views=2") for word in ("--set", field)]
 
     def test_becomes_a_model_that_reconstructs(self):
-        self.refuses(2, "do not tell vit_heads, groups, image, volume:", "weights", "import", self.CHECKPOINT, "--output", self.path("none.safetensors"))
+        self.refuses(2, "do not determine vit_heads, groups, image, volume:", "weights", "import", self.CHECKPOINT, "--output", self.path("none.safetensors"))
         made = self.path("dinov3.safetensors")
         told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json", *self.FIELDS)[0])
         self.assertEqual((told["config"]["encoder"], told["config"]["vit_registers"], told["encoder_alone"]), ("dinov3", 2, True))

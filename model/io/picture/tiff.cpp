@@ -107,7 +107,7 @@ class Reader {
     ImageInfo out{static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
     if (unpacked_bytes() + row_bytes(out) > most_)
       fail(Status::input,
-           "{}: a strip or tile of the TIFF takes {:.3g} GiB unpacked, at most {:.3g} GiB are read; write it with "
+           "{}: a strip or tile of the TIFF has {:.3g} GiB when unpacked, at most {:.3g} GiB are read; write it with "
            "shorter strips",
            file_.path, unpacked_bytes() / (1u << 30), most_ / (1u << 30));
     out.held = unpacked_bytes() + row_bytes(out) * rows_at_once(out);

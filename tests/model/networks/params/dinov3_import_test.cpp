@@ -127,7 +127,8 @@ TEST(Dinov3Import, ABlockWithoutItsBiasesIsNamed) {
 
 TEST(Dinov3Import, WhatDoesNotFitIsNamed) {
   const std::string path = file_of("dinov3_micro", "meta");
-  expect_error(Status::usage, {"do not tell vit_heads, groups, image, volume: give each"}, [&] { import_model(path); });
+  expect_error(Status::usage, {"do not determine vit_heads, groups, image, volume: give each"},
+               [&] { import_model(path); });
   Config config = with_fields(named_config("micro"), {"vit_dim=16"});
   Weights weights = initial_weights(config, 1);
   const auto refused = [&](const std::string& words) {
