@@ -128,7 +128,7 @@ class Evaluate(support.Case):
         self.refuses(2, "--table", "evaluate", "--output", self.path("table.md"))
         self.refuses(2, "--model", *self.table(), "--model", self.model)
         self.refuses(2, "--table", "evaluate")
-        self.refuses(1, "no file", "evaluate", "--table", self.path("none.json"))
+        self.refuses(1, "is not a file", "evaluate", "--table", self.path("none.json"))
 
     def test_noise_on_poses(self):
         """The noise is the same for every model, and compared pictures do not move. A model that predicts rays reports their errors."""
