@@ -44,7 +44,7 @@ NULL = {
     ("vsplat_opencl_render_backward", "out"): (USAGE,),
 }
 # Called with all arguments NULL or 0: functions for which that is valid.
-ZERO = {"vsplat_set_host_memory": (OK,), "vsplat_profile_begin": (OK,),
+ZERO = {"vsplat_option_names_set": (OK,), "vsplat_set_host_memory": (OK,), "vsplat_profile_begin": (OK,),
         "vsplat_get_host_memory": (OK,), "vsplat_file_rules_set": (OK,), "vsplat_model_inspect": (OK, FILE)}
 # Only called with VSPLAT_FUNCTIONS=whole, as by the slow test functions_whole: (function, trial), and why.
 DEAR = {("vsplat_mesh_write_views", "options NULL"): "by default 40 pictures of 512 x 512, eight seconds; tests/cli/dataset_test.py has them",
