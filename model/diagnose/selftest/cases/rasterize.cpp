@@ -13,7 +13,8 @@
 namespace vsplat::selftest {
 namespace {
 
-void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity) {
+// `pulls_alone`: of the gradients, those whose sums do not cancel where one Gaussian shows in a few pixels.
+void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity, bool pulls_alone = false) {
   const Records r = make_records(width, height, per_tile, opacity, 3);
   const std::array<float, 3> background{0.25f, 0.5f, 1};
   const auto slots = slots_of(r);
@@ -39,6 +40,7 @@ void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity)
        {std::tuple{Pulls::none, ref::RowKind::sums, 10, "backward"},
         {Pulls::held, ref::RowKind::pulls, 2, "pulls"},
         {Pulls::through, ref::RowKind::pulls_through_clamp, 2, "pulls through what is held"}}) {
+    if (pulls_alone && pulls == Pulls::none) continue;
     const IntersectionGradients got = rasterize_backward(c.ctx, {p, b, whole, background, picture, by, pulls});
     const std::size_t each = size_of(columns);
     const auto sums = rows_in_order(c.ctx.read<float>(got.rows), c.ctx.read<std::uint8_t>(got.touched), slots, each);
@@ -57,7 +59,7 @@ void rasterize_all(Checks& c) {
   if (!c.all) return;
   for (const int size : {1, 15, 17, 33}) rasterize_of(c, 40, size, 30, 0.8f);
   rasterize_of(c, 33, 20, 65, 1.0f);
-  rasterize_of(c, 7, 3, 1, 0.5f);
+  rasterize_of(c, 7, 3, 1, 0.5f, true);
 }
 
 }  // namespace
