@@ -150,7 +150,7 @@ TEST_P(EvaluateTest, JudgesAtAnotherSize) {
   EXPECT_EQ(same.mean.psnr, evaluate(ctx(), *model.network, data(), {}).mean.psnr);
   for (const int judged : {1, 10, 4097}) {
     options.request.judged = judged;
-    test::expect_error(Status::usage, {"picture_size is " + std::to_string(judged), "11 to 4096"},
+    test::expect_error(Status::usage, {"evaluate_size is " + std::to_string(judged), "11 to 4096"},
                        [&] { evaluate(ctx(), *model.network, data(), options); });
   }
 }
