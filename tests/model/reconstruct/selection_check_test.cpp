@@ -50,9 +50,9 @@ TEST(SelectionCheck, SaysWhatToDo) {
   EXPECT_EQ(doubts_about({0.6, 0.28}, 16, false), "");  // a box
   EXPECT_EQ(doubts_about({0.9, 0.9}, 4, true), "");     // 56 of 64 voxels are at faces
   const std::string background = doubts_about({0.683, 0.263}, 16, true), cut = doubts_about({0.83, 0.59}, 16, false);
-  for (const char* word : {"68 %", "26 %", "masks", "alpha", "options.center", "options.auto_frame"})
+  for (const char* word : {"68 %", "26 %", "masks", "alpha", "center and scale", "auto_frame estimates"})
     EXPECT_NE(background.find(word), std::string::npos) << word << ": " << background;
-  for (const char* word : {"59 %", "larger", "options.scale"}) EXPECT_NE(cut.find(word), std::string::npos) << cut;
+  for (const char* word : {"59 %", "larger", "center and scale"}) EXPECT_NE(cut.find(word), std::string::npos) << cut;
   EXPECT_EQ(cut.find("mask"), std::string::npos) << cut;
 }
 

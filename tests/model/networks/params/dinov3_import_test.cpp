@@ -84,7 +84,7 @@ TEST(Dinov3Import, BiasesAndRoundedPeriods) {
   test::expect_equal(std::get<ModelFile>(other.model).weights, model.weights);
   EXPECT_EQ(std::get<ModelFile>(other.model).config, model.config);
   options.fields.emplace_back("vit_qkv_bias=false");
-  expect_error(Status::usage, {"bias_meta.pth", "tell vit_qkv_bias, which is true"},
+  expect_error(Status::usage, {"bias_meta.pth", "determine vit_qkv_bias, which is true"},
                [&] { import_model(meta, options); });
 }
 

@@ -110,7 +110,7 @@ TEST(GendenImport, WhatContradictsTheShapesIsRefused) {
   const std::string path = GendenGolden::checkpoint_of("genden_micro");
   ImportOptions options;
   options.fields = {"densify.frequencies=4"};
-  expect_error(Status::usage, {"tell densify.frequencies, which is 3, and 4 was asked for"},
+  expect_error(Status::usage, {"determine densify.frequencies, which is 3, but 4 was asked for"},
                [&] { import_model(path, options); });
   options.fields = {"densify.heads=5,2"};
   expect_error(Status::usage, {"genden_micro.ckpt", "multiples of densify.heads"},

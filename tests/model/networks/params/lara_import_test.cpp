@@ -70,7 +70,7 @@ TEST(LaraImport, WhatContradictsTheShapesIsRefused) {
   const std::string path = LaraGolden::checkpoint_of("lara_micro");
   ImportOptions options;
   options.fields = {"view_slots=4"};
-  expect_error(Status::usage, {"tell view_slots, which is 3, and 4 was asked for"},
+  expect_error(Status::usage, {"determine view_slots, which is 3, but 4 was asked for"},
                [&] { import_model(path, options); });
   options.fields = {"groups=2"};
   expect_error(Status::usage, {"no field \"groups\""}, [&] { import_model(path, options); });
