@@ -171,9 +171,10 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
 }
 
 Scores Evaluator::score(const EvaluationObject& object) const {
+  const int count = options_.pose_noise > 0 ? options_.pose_draws : 1;
   std::vector<ObjectScores> draws;
-  for (int i = 0; i < (options_.pose_noise > 0 ? options_.pose_draws : 1); ++i)
-    draws.push_back({object.name, score(object, i)});
+  draws.reserve(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) draws.push_back({object.name, score(object, i)});
   return mean_of(draws);
 }
 

@@ -57,7 +57,8 @@ IndexedPicture indexed(const std::vector<Colour>& pixels, int width) {
   IndexedPicture out{palette_of(pixels), std::vector<std::uint8_t>(pixels.size())};
   std::vector<int> nearest(std::size_t{1} << 18, -1);  // by the upper 6 bits of each channel
   const auto find = [&](const std::array<int, 3>& v) {
-    int& found = nearest[static_cast<std::size_t>((v[0] >> 2 << 12) + (v[1] >> 2 << 6) + (v[2] >> 2))];
+    const int key = (v[0] >> 2 << 12) + (v[1] >> 2 << 6) + (v[2] >> 2);
+    int& found = nearest[static_cast<std::size_t>(key)];
     if (found >= 0) return static_cast<std::size_t>(found);
     int least = INT_MAX;
     for (std::size_t i = 0; i < out.palette.size(); ++i) {

@@ -139,6 +139,7 @@ std::vector<std::string> near_names(const fs::path& folder, const std::string& f
   std::sort(near.begin(), near.end());
   if (near.size() > 3) near.resize(3);
   std::vector<std::string> out;
+  out.reserve(near.size());
   for (auto& [apart, path] : near) out.push_back(printable(path));
   return out;
 }
