@@ -465,7 +465,7 @@ class AgainstPyTorch(unittest.TestCase):
 
     def test_draws_and_differentiates_as_the_specification(self):
         import fit_torch
-        import vsplat_reference as reference
+        import splat3d_reference as reference
         device, view = vsplat.Device(), camera(turn=0.3)
         mine = [torch.tensor(a, dtype=torch.float32, requires_grad=True) for a in gaussians(30)]
         theirs = [t.detach().double().requires_grad_() for t in mine]

@@ -8,7 +8,11 @@ import sys
 
 import torch
 
-import vsplat_reference as ref
+import loss_reference
+import object_views
+import safetensors_file
+import splat3d_reference as splat3d
+
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "cli"))
 import support  # noqa: E402: found by the line above
@@ -51,8 +55,8 @@ class EvaluateNumbers(support.Case):
             self.assertGreaterEqual(len(novel), 2)
             self.succeeds("reconstruct", folder, "--model", self.model, "--views", ",".join(f"@{i}" for i in inputs), "--output", self.path("o.ply"),
                           "--dump", self.path("dump"), "--overwrite")
-            dump, _ = ref.load_safetensors(self.path("dump", "stages.safetensors"))
-            placed, _ = ref.rebase(ref.place(c2w[inputs + novel], (0, 0, 0), 1.0))
+            dump, _ = safetensors_file.load_safetensors(self.path("dump", "stages.safetensors"))
+            placed, _ = object_views.rebase(object_views.place(c2w[inputs + novel], (0, 0, 0), 1.0))
             focal = listed.get("fl_x") or 0.5 * self.SIDE / math.tan(listed["camera_angle_x"] / 2)
             K = torch.tensor([[focal, 0, self.SIDE / 2], [0, focal, self.SIDE / 2], [0, 0, 1]], dtype=torch.float64)
 
@@ -62,17 +66,17 @@ class EvaluateNumbers(support.Case):
                 return rgba[..., :3] * rgba[..., 3:] + 1 - rgba[..., 3:]
 
             def drawn(level):
-                g = ref.Gaussians(*[dump[f"stage.{level}.{f}"].double() for f in ref.GAUSSIAN_FIELDS])
-                return torch.cat([ref.render(g, c, K, self.SIDE, self.SIDE, torch.ones(3).double())[0] for c in placed[len(inputs):]], 1).clamp(0, 1)
+                g = splat3d.Gaussians(*[dump[f"stage.{level}.{f}"].double() for f in splat3d.GAUSSIAN_FIELDS])
+                return torch.cat([splat3d.render(g, c, K, self.SIDE, self.SIDE, torch.ones(3).double())[0] for c in placed[len(inputs):]], 1).clamp(0, 1)
 
             def nearest(i):
                 towards = c2w[i, :3, 3] / c2w[i, :3, 3].norm()
                 return max(inputs, key=lambda j: float(c2w[j, :3, 3] / c2w[j, :3, 3].norm() @ towards))
 
             truth, result = torch.cat([picture(i) for i in novel], 1), drawn("final")
-            want = {"psnr": ref.psnr(result, truth), "psnr_coarse": ref.psnr(drawn("coarse"), truth), "ssim": ref.ssim(result[None], truth[None]),
-                    "psnr_white": ref.psnr(torch.ones_like(truth), truth),
-                    "psnr_nearest": ref.psnr(torch.cat([picture(nearest(i)) for i in novel], 1), truth),
+            want = {"psnr": loss_reference.psnr(result, truth), "psnr_coarse": loss_reference.psnr(drawn("coarse"), truth), "ssim": loss_reference.ssim(result[None], truth[None]),
+                    "psnr_white": loss_reference.psnr(torch.ones_like(truth), truth),
+                    "psnr_nearest": loss_reference.psnr(torch.cat([picture(nearest(i)) for i in novel], 1), truth),
                     "selected": len(dump["stage.coords"]) / 64}
             for name, value in want.items():
                 self.assertAlmostEqual(row[name], float(value), delta=1e-4 * max(1, abs(float(value))), msg=f"{row['name']} {name}")

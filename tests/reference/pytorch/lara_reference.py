@@ -23,9 +23,12 @@ import torch.nn.functional as F
 from torch import nn
 from torch.utils.checkpoint import checkpoint
 
+import loss_reference
 import splat2d_reference as splat2d
+import splat3d_reference as splat3d
 import vsplat_reference as ref
-from vsplat_reference import OPACITY_SHIFT, Gaussians
+from splat3d_reference import Gaussians
+from vsplat_reference import OPACITY_SHIFT
 
 
 @dataclass
@@ -311,7 +314,7 @@ class LaRa(nn.Module):
                 m = splat2d.lara_maps(m, c2w[i], K[i])
                 maps.append({f: getattr(m, f) for f in splat2d.LARA_MAP_FIELDS})
             else:                                               # depth stays accumulated here, not divided by alpha
-                shot = lambda *f, c=c2w[i], k=K[i]: ref.render(Gaussians(*f), c, k, cfg.image, cfg.image, bg, mirror=mirror)
+                shot = lambda *f, c=c2w[i], k=K[i]: splat3d.render(Gaussians(*f), c, k, cfg.image, cfg.image, bg, mirror=mirror)
                 image, alpha, depth = checkpoint(shot, *g.fields(), use_reentrant=False) if torch.is_grad_enabled() else shot(*g.fields())
                 maps.append({"image": image.clamp(0, 1), "alpha": alpha, "depth": depth})
         return {k: torch.stack([m[k] for m in maps]) for k in maps[0]}
@@ -339,7 +342,7 @@ class LaRa(nn.Module):
         cond = t["lifted"] = self.lift(feats, c2w, K)
         volume = t["volume"] = self.vol_decoder(cond, t)
         g = self.coarse(volume)
-        for f in ref.GAUSSIAN_FIELDS:
+        for f in splat3d.GAUSSIAN_FIELDS:
             t[f"coarse.{f}"] = getattr(g, f)
         d = self.draw(g, c2w, K, background) if drawings is None else drawings
         for k, v in d.items():
@@ -356,7 +359,7 @@ class LaRa(nn.Module):
         g, index, fine, _ = self.stages(images, c2w, K, background, drawings, uniform, t)
         sh = g.sh[index] + fine[:, self.cfg.fine_features:].reshape(len(index), self.cfg.sh_dim // 3, 3)
         final = Gaussians(g.means[index], g.scales[index], g.quats[index], g.opacities[index], sh)
-        for f in ref.GAUSSIAN_FIELDS:
+        for f in splat3d.GAUSSIAN_FIELDS:
             t[f"final.{f}"] = getattr(final, f)
         return g, final
 
@@ -384,7 +387,7 @@ def loss(levels, target, step=None):
     total, want = 0.0, strip(target)
     for i, m in enumerate(levels):
         got = strip(m["image"])
-        s = ref.ms_ssim if got.shape[1] > 160 else ref.ssim
+        s = loss_reference.ms_ssim if got.shape[1] > 160 else loss_reference.ssim
         total = total + ((got - want) ** 2).mean() + 0.5 * (1 - s(got, want))
         if i == 0 and "distortion" in m and (step is None or step > 1000):
             total = total + 1000 * m["distortion"].mean()

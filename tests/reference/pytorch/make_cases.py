@@ -11,6 +11,7 @@
     python3 make_cases.py DIR tiny_slow  two seeds more of every system's and extension's
 """
 import contextlib
+import glob
 import io
 import os
 import re
@@ -149,12 +150,14 @@ def make_parameters(folder):
                 f.write(re.sub(" +", " ", text.getvalue()))
 
 
+def newest_source():
+    return max(map(os.path.getmtime, glob.glob(os.path.join(os.path.dirname(os.path.abspath(__file__)), "*.py"))))
+
+
 def make_systems(folder, size):
     def due(name):
         path = os.path.join(folder, name + ".safetensors")
-        here = os.path.dirname(os.path.abspath(__file__))
-        sources = max(os.path.getmtime(os.path.join(here, f)) for f in os.listdir(here) if f.endswith(".py"))
-        return not os.path.exists(path) or size != "micro" and os.path.getmtime(path) < sources  # what is committed stays
+        return not os.path.exists(path) or size != "micro" and os.path.getmtime(path) < newest_source()  # what is committed stays
 
     for name, (system, edge, *more) in PUBLISHED.get(size, {}).items():
         if due(name):
@@ -171,7 +174,7 @@ def main():
     if size == "micro":
         make_parameters(folder)
     make_systems(folder, size)
-    sources = max(os.path.getmtime(f) for f in (__file__, make_golden.__file__, make_golden.ref.__file__))
+    sources = newest_source()
     for name, options in cases.items():
         path = os.path.join(folder, name + ".safetensors")
         if os.path.exists(path) and os.path.getmtime(path) > sources:

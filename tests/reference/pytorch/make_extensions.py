@@ -33,8 +33,12 @@ from dataclasses import asdict, replace
 import torch
 
 import dinov3_reference as dinov3
+import loss_reference
 import make_golden as golden
+import object_views
+import safetensors_file
 import share_reference as share
+import splat3d_reference as splat3d
 import vsplat_reference as ref
 
 SIGMA = 0.05            # of the pose noise in share_model
@@ -79,7 +83,7 @@ def pull_back(outputs, given, params, prefix=""):
 
 def write(path, tensors, cfg, seed, **meta):
     tensors = {k: (v if v.dtype == torch.int64 else v.float()) for k, v in tensors.items()}
-    ref.save_safetensors(path, tensors, {"config": json.dumps(asdict(cfg)), "seed": seed, **meta})
+    safetensors_file.save_safetensors(path, tensors, {"config": json.dumps(asdict(cfg)), "seed": seed, **meta})
     print(f"{os.path.basename(path)}: {len(tensors)} tensors, {sum(v.numel() for v in tensors.values())} numbers")
 
 
@@ -101,8 +105,8 @@ def model_case(model, cfg, seed, noise_on_cameras):
     """All of VS-Splat: stages, renderings, loss, its gradients and those of cotangents on the Gaussians."""
     n, temperature, background = cfg.views, 0.1, torch.tensor([1.0, 0.5, 0.0]).double()
     model = randomise(model, seed)
-    c2w, K = (t.double() for t in ref.orbit_cameras(n + 2, cfg, seed=seed))
-    target = ref.checked_ball(c2w.float(), K.float(), cfg.image).double()
+    c2w, K = (t.double() for t in object_views.orbit_cameras(n + 2, cfg, seed=seed))
+    target = object_views.checked_ball(c2w.float(), K.float(), cfg.image).double()
     given, out = c2w[:n], {}
     if noise_on_cameras:
         xi = exact(share.draw_pose_noise(n, SIGMA, torch.Generator().manual_seed(seed)))
@@ -120,8 +124,8 @@ def model_case(model, cfg, seed, noise_on_cameras):
     shots = {lev: golden.pictures(model, g, c2w, K, background) for lev, g in (("coarse", coarse), ("final", final))}
     levels = {"coarse": coarse} if cfg.levels == "coarse" else {"coarse": coarse, "final": final}
     fine = shots["final"][0] if len(levels) == 2 else None
-    value = ref.loss(shots["coarse"][0], fine, target)
-    outputs = {f"{lev}.{f}": x for lev, g in levels.items() for f, x in zip(ref.GAUSSIAN_FIELDS, g.fields())}
+    value = loss_reference.loss(shots["coarse"][0], fine, target)
+    outputs = {f"{lev}.{f}": x for lev, g in levels.items() for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields())}
     if noise_on_cameras:
         rays = share.ray_loss(model.plucker, true)
         value = share.loss(shots["coarse"][0], fine, target, model.plucker, true, cfg)

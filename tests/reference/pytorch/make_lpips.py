@@ -12,7 +12,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from vsplat_reference import save_safetensors
+from safetensors_file import save_safetensors
 
 ALEX = [(3, 64, 11, 4, 2, None), (64, 192, 5, 1, 2, 3), (192, 384, 3, 1, 1, 3), (384, 256, 3, 1, 1, None), (256, 256, 3, 1, 1, None)]
 VGG = [(cin, cout, 3, 1, 1, 2 if pool else None) for cin, cout, pool in

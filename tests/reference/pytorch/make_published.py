@@ -35,11 +35,16 @@ import torch
 
 import genden_reference as genden
 import lara_reference as lara
+import loss_reference
 import make_golden
+import object_views
+import safetensors_file
+import serialisation
 import splat2d_reference as splat2d
+import splat3d_reference as splat3d
 import vsplat_reference as ref
 
-FIELDS = ref.GAUSSIAN_FIELDS
+FIELDS = splat3d.GAUSSIAN_FIELDS
 WHITE = (1.0, 1.0, 1.0)
 
 
@@ -212,7 +217,7 @@ def checkpoint(path, state, parameters):
 
 
 def save(path, tensors, metadata=None):
-    ref.save_safetensors(path, {k: v if v.dtype == torch.int64 else v.detach().float() for k, v in tensors.items()}, metadata)
+    safetensors_file.save_safetensors(path, {k: v if v.dtype == torch.int64 else v.detach().float() for k, v in tensors.items()}, metadata)
 
 
 # ----------------------------------------------------------------------------------------- the cases
@@ -224,9 +229,9 @@ class Case:
         self.model, self.config = genden.build(system, size, residual)
         randomise(self.model, seed).double()
         cfg, self.views = self.model.cfg, self.model.cfg.views
-        self.c2w, self.K = (x.double() for x in ref.orbit_cameras(self.views + 1, cfg, seed=seed))
-        self.images = ref.checked_ball(self.c2w.float(), self.K.float(), cfg.image).double()
-        self.orders = genden.random_perms(seed) if system != "lara" else None
+        self.c2w, self.K = (x.double() for x in object_views.orbit_cameras(self.views + 1, cfg, seed=seed))
+        self.images = object_views.checked_ball(self.c2w.float(), self.K.float(), cfg.image).double()
+        self.orders = serialisation.random_perms(seed) if system != "lara" else None
         if system == "vsplat+genden":
             make_golden.settle(self.model, self.run(selection=[]))
             self.float32()
@@ -260,7 +265,7 @@ class Case:
     def draw(self, g):
         if self.system != "vsplat+genden":
             return self.model.draw(g, self.c2w, self.K, WHITE)
-        shots = [ref.render(g, c, k, self.model.cfg.image, self.model.cfg.image, torch.ones(3).double()) for c, k in zip(self.c2w, self.K)]
+        shots = [splat3d.render(g, c, k, self.model.cfg.image, self.model.cfg.image, torch.ones(3).double()) for c, k in zip(self.c2w, self.K)]
         return {name: torch.stack(part) for name, part in zip(("image", "alpha", "depth"), zip(*shots))}
 
 
@@ -313,7 +318,7 @@ def view_losses(case, t):
     for i, g in enumerate(case.forward()):
         m = case.draw(g)
         for got, want in zip(m["image"], case.images):
-            total = total + (((got - want) ** 2).mean() + 0.5 * (1 - ref.ssim(got[None], want[None]))) / len(case.images)
+            total = total + (((got - want) ** 2).mean() + 0.5 * (1 - loss_reference.ssim(got[None], want[None]))) / len(case.images)
         if i == 0 and "distortion" in m:
             total = total + 1000 * m["distortion"].mean()
             total = total + 0.2 * ((1 - (m["normal"] * m["depth_normal"]).sum(-1)) * m["alpha"].detach()).mean()
@@ -330,12 +335,12 @@ def surfel_case(seed, count=60, width=40, height=27):
     gen = torch.Generator().manual_seed(seed)
     rand = lambda *s: torch.rand(*s, generator=gen).double()
     randn = lambda *s: torch.randn(*s, generator=gen).double()
-    c2w = ref.orbit_cameras(2, lara.CONFIGS["tiny"], seed=seed)[0][1].double()
+    c2w = object_views.orbit_cameras(2, lara.CONFIGS["tiny"], seed=seed)[0][1].double()
     means = (rand(count, 3) - 0.5) * torch.tensor([1.2, 0.8, 0.9])
     means[0], means[1] = 1.8 * c2w[:3, 3], 0.9 * c2w[:3, 3]
     fields = [means, rand(count, 2) * 0.12 + 0.01, torch.nn.functional.normalize(randn(count, 4), dim=-1), rand(count) * 0.7 + 0.15, randn(count, 4, 3) * 0.4]
     turns = torch.nn.functional.normalize(randn(500, 4), dim=-1)
-    fields[2][2] = turns[(ref.rotation(turns)[:, :, 2] @ (means[2] - c2w[:3, 3])).abs().argmin()]
+    fields[2][2] = turns[(splat3d.rotation(turns)[:, :, 2] @ (means[2] - c2w[:3, 3])).abs().argmin()]
     fields = [f.float().double() for f in fields]
     K = torch.tensor([[41.0, 0, 19.2], [0, 43.0, 14.1], [0, 0, 1]]).double()
     bg = torch.tensor([1.0, 0.5, 0.25]).double()
@@ -343,8 +348,8 @@ def surfel_case(seed, count=60, width=40, height=27):
     out.update({"scene.c2w": c2w, "scene.K": K, "scene.background": bg, "scene.mirror": torch.zeros(3)})
     for revision in ("lara", "current"):
         leaves = [x.clone().requires_grad_() for x in fields]
-        m = splat2d.render(ref.Gaussians(*leaves), c2w, K, width, height, bg, torch.zeros(3), revision)
-        s = splat2d.project(ref.Gaussians(*fields), c2w, K, width, height, revision)
+        m = splat2d.render(splat3d.Gaussians(*leaves), c2w, K, width, height, bg, torch.zeros(3), revision)
+        s = splat2d.project(splat3d.Gaussians(*fields), c2w, K, width, height, revision)
         out.update({f"{revision}.project.{k}": getattr(s, k) for k in ("index", "T", "centre", "z", "normal", "rect")})
         total = 0.0
         for f in splat2d.MAP_FIELDS:
@@ -408,7 +413,7 @@ def main():
     stages = dict(t)
     with torch.no_grad():
         for name in ("coarse", "final"):
-            g = ref.Gaussians(*[t[f"{name}.{f}"] for f in FIELDS])
+            g = splat3d.Gaussians(*[t[f"{name}.{f}"] for f in FIELDS])
             stages.update({f"render.{name}.{k}": v for k, v in case.draw(g).items()})
     save(to("stages.safetensors"), stages, {**meta, "margins": json.dumps(far)})
     save(to("gradients.safetensors"), gradients(case, t), meta)

@@ -17,13 +17,15 @@ Metadata: count, degree, views, width, height.
 No scene has a value near a place where the picture jumps or its derivative does: see `offenders`. Gaussians that come
 near one are drawn again until none does.
 """
+import glob
 import os
 import sys
 
 import numpy as np
 import torch
 
-import vsplat_reference as ref
+import safetensors_file
+import splat3d_reference as splat3d
 from bench_scenes import look_at
 
 # Gaussians, SH degree, width, height, cameras, what is special
@@ -124,7 +126,7 @@ def offenders(g, w2c, lens, width, height, near, mirror):
         bad[order[(value.abs() / limit - 1).abs() < 1e-4]] = True
         tangents.append(value.clamp(-limit, limit))
     J = torch.stack([fx / z, zero, -fx * tangents[0] / z, zero, fy / z, -fy * tangents[1] / z], -1).reshape(-1, 2, 3)
-    S = J @ W @ (ref.rotation(g.quats[order]) * g.scales[order][:, None, :])
+    S = J @ W @ (splat3d.rotation(g.quats[order]) * g.scales[order][:, None, :])
     cov = S @ S.transpose(1, 2) + 0.3 * torch.eye(2, dtype=z.dtype)
     conic = torch.inverse(cov)
     mid, det = (cov[:, 0, 0] + cov[:, 1, 1]) / 2, torch.det(cov)
@@ -141,7 +143,7 @@ def offenders(g, w2c, lens, width, height, near, mirror):
 
     eye = torch.inverse(w2c)[:3, 3]
     eye = eye if mirror is None else 2 * mirror - eye
-    basis = ref.sh_basis(torch.nn.functional.normalize(g.means[order] - eye, dim=-1), g.sh.shape[1])
+    basis = splat3d.sh_basis(torch.nn.functional.normalize(g.means[order] - eye, dim=-1), g.sh.shape[1])
     colour = (basis[..., None] * g.sh[order]).sum(1) + 0.5
     bad[order[(colour.abs() < 1e-4).any(1)]] = True
 
@@ -151,11 +153,11 @@ def offenders(g, w2c, lens, width, height, near, mirror):
         alpha = g.opacities[order] * torch.exp(-0.5 * torch.einsum("pki,kij,pkj->pk", d, conic, d))
         tile = torch.stack([torch.arange(width) // 16, torch.full((width,), row // 16)], -1)[:, None]
         alpha = torch.where(((tile >= low) & (tile < high)).all(-1), alpha, torch.zeros_like(alpha))
-        close = ((alpha / ref.MIN_ALPHA - 1).abs() < 1e-4) | ((alpha / ref.MAX_ALPHA - 1).abs() < 1e-4)
-        alpha = torch.where(alpha >= ref.MIN_ALPHA, alpha, torch.zeros_like(alpha)).clamp(max=ref.MAX_ALPHA)
+        close = ((alpha / splat3d.MIN_ALPHA - 1).abs() < 1e-4) | ((alpha / splat3d.MAX_ALPHA - 1).abs() < 1e-4)
+        alpha = torch.where(alpha >= splat3d.MIN_ALPHA, alpha, torch.zeros_like(alpha)).clamp(max=splat3d.MAX_ALPHA)
         T = torch.cumprod(1 - alpha, 1)
-        reached = torch.cat([torch.ones_like(T[:, :1]), T[:, :-1]], 1) >= ref.MIN_TRANSMITTANCE * 0.99
-        close = reached & (close | (((T / ref.MIN_TRANSMITTANCE - 1).abs() < 1e-3) & (alpha > 0)))
+        reached = torch.cat([torch.ones_like(T[:, :1]), T[:, :-1]], 1) >= splat3d.MIN_TRANSMITTANCE * 0.99
+        close = reached & (close | (((T / splat3d.MIN_TRANSMITTANCE - 1).abs() < 1e-3) & (alpha > 0)))
         bad[order[close.any(0)]] = True
     return bad
 
@@ -169,7 +171,7 @@ def settled_scene(name, shape):
     mirror = widen([0.1, -0.2, 0.3]) if kind == "mirror" else None
     columns = draw(rng, count, degree, kind)
     for _ in range(1000):
-        g = ref.Gaussians(*[torch.tensor(c) for c in columns])
+        g = splat3d.Gaussians(*[torch.tensor(c) for c in columns])
         bad = torch.zeros(count, dtype=torch.bool)
         for v in range(views):
             bad |= offenders(g, w2c[v], lens[v], width, height, near, mirror)
@@ -190,7 +192,7 @@ def hat(xi):
 def pictures(g, w2c, lens, width, height, background, near, mirror):
     fx, fy, cx, cy = lens
     K = torch.tensor([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=torch.float64)
-    return ref.render(g, torch.inverse(w2c), K, width, height, background, near, mirror, chunk=1024)
+    return splat3d.render(g, torch.inverse(w2c), K, width, height, background, near, mirror, chunk=1024)
 
 
 def case(name, shape):
@@ -200,7 +202,7 @@ def case(name, shape):
     background = widen([1.0, 0.5, 0.25])
     for field in g.fields():
         field.requires_grad_(True)
-    out = {f"input.{f}": x.detach() for f, x in zip(ref.GAUSSIAN_FIELDS, g.fields())}
+    out = {f"input.{f}": x.detach() for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields())}
     out.update({"input.w2c": w2c, "input.intrinsics": lens, "input.background": background, "input.near": torch.tensor([near])})
     if mirror is not None:
         out["input.mirror"] = mirror
@@ -218,7 +220,7 @@ def case(name, shape):
     for prefix, parts in (("picture", shots), ("cotangent", cotangents)):
         for part, views_of in zip(("colour", "alpha", "depth"), zip(*parts)):
             out[f"{prefix}.{part}"] = torch.stack(views_of)
-    for f, x in zip(ref.GAUSSIAN_FIELDS, g.fields()):
+    for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields()):
         out[f"grad.{f}"] = torch.zeros_like(x) if x.grad is None else x.grad
     out["grad.pose"] = torch.stack(twists)
     meta = {"count": count, "degree": degree, "views": views, "width": width, "height": height}
@@ -228,13 +230,13 @@ def case(name, shape):
 def main():
     folder, size = sys.argv[1], sys.argv[2]
     os.makedirs(folder, exist_ok=True)
-    sources = max(os.path.getmtime(f) for f in (__file__, ref.__file__))
+    sources = max(map(os.path.getmtime, glob.glob(os.path.join(os.path.dirname(os.path.abspath(__file__)), "*.py"))))
     for name, shape in (SMALL if size == "small" else LARGE).items():
         path = os.path.join(folder, name + ".safetensors")
         if os.path.exists(path) and os.path.getmtime(path) > sources:
             continue
         tensors, meta = case(name, shape)
-        ref.save_safetensors(path + ".tmp", tensors, meta)
+        safetensors_file.save_safetensors(path + ".tmp", tensors, meta)
         os.replace(path + ".tmp", path)
         stopped = (tensors["picture.alpha"] > 0.999).float().mean().item()
         norms = ", ".join(f"{k[5:]} {v.norm():.3g}" for k, v in tensors.items() if k.startswith("grad."))

@@ -12,14 +12,16 @@ Metadata beside those there: revision.
 No scene has a value near a place where a map jumps or its derivative does: see `offenders`. Surfels that come near one
 are drawn again until none does.
 """
+import glob
 import os
 import sys
 
 import numpy as np
 import torch
 
+import safetensors_file
 import splat2d_reference as splat2d
-import vsplat_reference as ref
+import splat3d_reference as splat3d
 from make_splat import cameras, hat, single, widen
 
 # surfels, SH degree, width, height, cameras, revision, what is special
@@ -61,7 +63,7 @@ def draw(rng, count, degree, kind, w2c):
         sight = means - np.linalg.inv(w2c[0].numpy())[:3, 3]
         sight /= np.linalg.norm(sight, axis=1, keepdims=True)
         for k in range(count):
-            facing = (ref.rotation(torch.tensor(turns[k]))[:, :, 2].numpy() @ sight[k])
+            facing = (splat3d.rotation(torch.tensor(turns[k]))[:, :, 2].numpy() @ sight[k])
             quats[k] = turns[k][np.argmin(np.abs(np.abs(facing) - 0.1))]
     if "lengths" in kind:
         quats *= rng.uniform(0.3, 3, (count, 1))
@@ -80,7 +82,7 @@ def offenders(g, w2c, K, width, height, mirror, revision):
     if len(bad) == 0:
         return bad
     c2w = torch.inverse(w2c)
-    R, p = w2c[:3, :3] @ ref.rotation(g.quats), g.means @ w2c[:3, :3].T + w2c[:3, 3]
+    R, p = w2c[:3, :3] @ splat3d.rotation(g.quats), g.means @ w2c[:3, :3].T + w2c[:3, 3]
     near = splat2d.NEAR
     bad |= (p[:, 2] - near).abs() < 1e-4
     bad |= (R[:, :, 2] * p).sum(-1).abs() / p.norm(dim=-1) < 1e-2
@@ -103,7 +105,7 @@ def offenders(g, w2c, K, width, height, mirror, revision):
         close = ((edge - edge.round()).abs() < 1e-3 / 16) & (edge.round() > 0) & (edge.round() <= tiles)
         bad |= close.any(1)
     colour = splat2d.colours(g, c2w, mirror)
-    unclamped = (ref.sh_basis(torch.nn.functional.normalize(
+    unclamped = (splat3d.sh_basis(torch.nn.functional.normalize(
         g.means - (c2w[:3, 3] if mirror is None else 2 * mirror - c2w[:3, 3]), dim=-1), g.sh.shape[1])[..., None] * g.sh).sum(1) + 0.5
     assert torch.equal(unclamped.clamp(min=0), colour)
     bad |= (unclamped.abs() < 1e-4).any(1)
@@ -125,15 +127,15 @@ def offenders(g, w2c, K, width, height, mirror, revision):
         alpha = opacity * torch.exp(-0.5 * torch.minimum(rho3, rho2))
         tx, ty = torch.arange(width)[:, None] // 16, row // 16
         inside = (s.rect[:, 0] <= tx) & (tx < s.rect[:, 1]) & (s.rect[:, 2] <= ty) & (ty < s.rect[:, 3])
-        drawn = inside & (z >= near) & (alpha >= ref.MIN_ALPHA)
-        close = inside & (((alpha / ref.MIN_ALPHA - 1).abs() < 1e-4) | ((alpha / ref.MAX_ALPHA - 1).abs() < 1e-4))
-        close |= inside & (alpha > 0.9 * ref.MIN_ALPHA) & (((z - near).abs() < 1e-4) | ((rho3 / rho2 - 1).abs() < 1e-4))
+        drawn = inside & (z >= near) & (alpha >= splat3d.MIN_ALPHA)
+        close = inside & (((alpha / splat3d.MIN_ALPHA - 1).abs() < 1e-4) | ((alpha / splat3d.MAX_ALPHA - 1).abs() < 1e-4))
+        close |= inside & (alpha > 0.9 * splat3d.MIN_ALPHA) & (((z - near).abs() < 1e-4) | ((rho3 / rho2 - 1).abs() < 1e-4))
         close |= drawn & (z > 2 * s.z)
-        alpha = torch.where(drawn, alpha, torch.zeros_like(alpha)).clamp(max=ref.MAX_ALPHA)
+        alpha = torch.where(drawn, alpha, torch.zeros_like(alpha)).clamp(max=splat3d.MAX_ALPHA)
         after = torch.cumprod(1 - alpha, 1)
         before = torch.cat([torch.ones_like(after[:, :1]), after[:, :-1]], 1)
-        close |= (((after / ref.MIN_TRANSMITTANCE - 1).abs() < 1e-3) | ((before - 0.5).abs() < 1e-4)) & (alpha > 0)
-        bad[s.index[(close & (before >= ref.MIN_TRANSMITTANCE * 0.99)).any(0)]] = True
+        close |= (((after / splat3d.MIN_TRANSMITTANCE - 1).abs() < 1e-3) | ((before - 0.5).abs() < 1e-4)) & (alpha > 0)
+        bad[s.index[(close & (before >= splat3d.MIN_TRANSMITTANCE * 0.99)).any(0)]] = True
     return bad
 
 
@@ -150,7 +152,7 @@ def settled_scene(name, shape):
     mirror = widen([0.1, -0.2, 0.3]) if kind == "mirror" else None
     columns = draw(rng, count, degree, kind, w2c)
     for _ in range(1000):
-        g = ref.Gaussians(*[torch.tensor(c) for c in columns])
+        g = splat3d.Gaussians(*[torch.tensor(c) for c in columns])
         bad = torch.zeros(count, dtype=torch.bool)
         for v in range(views):
             bad |= offenders(g, w2c[v], lens_matrix(lens[v]), width, height, mirror, revision)
@@ -169,7 +171,7 @@ def case(name, shape):
     background = widen([1.0, 0.5, 0.25])
     for field in g.fields():
         field.requires_grad_(True)
-    out = {f"input.{f}": x.detach() for f, x in zip(ref.GAUSSIAN_FIELDS, g.fields())}
+    out = {f"input.{f}": x.detach() for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields())}
     out.update({"input.w2c": w2c, "input.intrinsics": lens, "input.background": background, "input.near": torch.tensor([splat2d.NEAR])})
     if mirror is not None:
         out["input.mirror"] = mirror
@@ -190,7 +192,7 @@ def case(name, shape):
     for prefix, parts in (("picture", shots), ("cotangent", cotangents)):
         for f in parts[0]:
             out[f"{prefix}.{f}"] = torch.stack([part[f] for part in parts])
-    for f, x in zip(ref.GAUSSIAN_FIELDS, g.fields()):
+    for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields()):
         out[f"grad.{f}"] = torch.zeros_like(x) if x.grad is None else x.grad
     out["grad.pose"] = torch.stack(twists)
     meta = {"count": count, "degree": degree, "views": views, "width": width, "height": height, "revision": revision}
@@ -200,13 +202,13 @@ def case(name, shape):
 def main():
     folder, size = sys.argv[1], sys.argv[2]
     os.makedirs(folder, exist_ok=True)
-    sources = max(os.path.getmtime(f) for f in (__file__, splat2d.__file__, ref.__file__))
+    sources = max(map(os.path.getmtime, glob.glob(os.path.join(os.path.dirname(os.path.abspath(__file__)), "*.py"))))
     for name, shape in (SMALL if size == "surfels_small" else LARGE).items():
         path = os.path.join(folder, name + ".safetensors")
         if os.path.exists(path) and os.path.getmtime(path) > sources:
             continue
         tensors, meta = case(name, shape)
-        ref.save_safetensors(path + ".tmp", tensors, meta)
+        safetensors_file.save_safetensors(path + ".tmp", tensors, meta)
         os.replace(path + ".tmp", path)
         norms = ", ".join(f"{k[5:]} {v.norm():.3g}" for k, v in tensors.items() if k.startswith("grad."))
         print(f"{name}: mean alpha {tensors['picture.alpha'].mean():.2f}; gradients {norms}", flush=True)

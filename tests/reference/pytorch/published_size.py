@@ -19,7 +19,12 @@ import torch
 import genden_reference as genden
 import lara_reference as lara
 import make_published
+import object_views
+import safetensors_file
+import serialisation
 import splat2d_reference as splat2d
+import splat3d_reference as splat3d
+import vsplat_config
 import vsplat_reference as ref
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "cli"))
@@ -93,16 +98,16 @@ def stages(model, given, told):
     lifted = timed("lifting", lambda: model.lift(feats, c2w, K), told)
     volume = t["volume"] = timed("volume", lambda: model.vol_decoder(lifted, t), told)
     g = timed("heads", lambda: model.coarse(volume), told)
-    t.update({f"coarse.{f}": getattr(g, f) for f in ref.GAUSSIAN_FIELDS})
+    t.update({f"coarse.{f}": getattr(g, f) for f in splat3d.GAUSSIAN_FIELDS})
     fine = t["fine.output"] = timed("refinement", lambda: model.decoder.fine(volume[kept // cfg.primitives], samples), told)
     sh = g.sh[kept] + fine[:, cfg.fine_features:].reshape(len(kept), -1, 3)
     final = genden.pick(g, kept)
     final.sh = sh
     if score is not None:
         feature = torch.cat([fine[:, :cfg.fine_features], volume[kept // cfg.primitives]], -1)
-        t.update({f"kept.{f}": getattr(final, f) for f in ref.GAUSSIAN_FIELDS})
+        t.update({f"kept.{f}": getattr(final, f) for f in splat3d.GAUSSIAN_FIELDS})
         final = timed("densifier", lambda: genden.densify(model.dec, final, score[kept], feature, None, orders, t), told)
-    t.update({f"final.{f}": getattr(final, f) for f in ref.GAUSSIAN_FIELDS})
+    t.update({f"final.{f}": getattr(final, f) for f in splat3d.GAUSSIAN_FIELDS})
     return t
 
 
@@ -140,7 +145,7 @@ def compare_drawing(model, dump, kept, tiles):
     """What the drawing of the first view shows at the kept ones, those that fall into a block of tiles in its middle: the specification takes a
     second and more for each tile."""
     cfg, begun = model.cfg, time.perf_counter()
-    g = ref.Gaussians(*[dump[f"stage.coarse.{f}"].double() for f in ref.GAUSSIAN_FIELDS])
+    g = splat3d.Gaussians(*[dump[f"stage.coarse.{f}"].double() for f in splat3d.GAUSSIAN_FIELDS])
     pose, k = dump["input.c2w"][0].double(), dump["input.K"][0].double()
     first = (cfg.image // splat2d.TILE - tiles) // 2
     low, high = first * splat2d.TILE, (first + tiles) * splat2d.TILE
@@ -198,18 +203,18 @@ def main():
     torch.manual_seed(a.seed)
     model, _ = genden.build(a.system, a.size)
     cfg = model.cfg
-    c2w, K = ref.orbit_cameras(cfg.views, cfg, seed=a.seed)
-    images = (ref.checked_ball(c2w, K, cfg.image) * 255).round() / 255
+    c2w, K = object_views.orbit_cameras(cfg.views, cfg, seed=a.seed)
+    images = (object_views.checked_ball(c2w, K, cfg.image) * 255).round() / 255
     write_views(at("views"), images, c2w, K)
     with open(at("shell.txt"), "w") as f:
-        paper = ref.CONFIGS["paper"]
+        paper = vsplat_config.CONFIGS["paper"]
         r = ref.voxel_centres(paper.volume, torch.zeros(1)).norm(dim=1)
         shell = (r - 0.3).abs().argsort(stable=True)[:int(SHELL * paper.volume ** 3)].sort()[0]
         f.writelines(f"{int(i)}\n" for i in shell)
     alone = a.system == "vsplat+genden"
     if alone:
         product("init", "paper", "--system", a.system, "--seed", a.seed, "--output", at("model.safetensors"))
-        model.load(ref.load_safetensors(at("model.safetensors"))[0])
+        model.load(safetensors_file.load_safetensors(at("model.safetensors"))[0])
         print(f"{a.system}: {lara.count(model):,} parameters", flush=True)
     else:
         make_published.randomise(model, a.seed)
@@ -223,20 +228,20 @@ def main():
     measured(a.system, at("model.safetensors"), at("views"), a.work, *(selection if alone else ("--assume-selected", 0.5)))
     product("reconstruct", at("views"), "--model", at("model.safetensors"), "--output", at("o.ply"), "--dump", at("dump"),
             *(("--selection-seed", a.seed) if a.system == "genden" else selection if alone else ()))
-    dump, _ = ref.load_safetensors(at("dump", "stages.safetensors"))
+    dump, _ = safetensors_file.load_safetensors(at("dump", "stages.safetensors"))
     product("init", "paper", "--seed", a.seed, "--output", at("paper.safetensors"))
     measured("vsplat", at("paper.safetensors"), at("views"), a.work, *selection)
 
     if alone:
         # Without a seed its curves are in the order of seed 0, and the selection has no noise.
-        given = (dump["input.images"], dump["input.c2w"], dump["input.K"], shell, dump["stage.score"], genden.random_perms(0))
+        given = (dump["input.images"], dump["input.c2w"], dump["input.K"], shell, dump["stage.score"], serialisation.random_perms(0))
         print(f"{len(dump['stage.base.means'])} primitives of {len(shell)} voxels, {len(dump['stage.final.means'])} in the end", flush=True)
         hold(model, given, dump, vsplat_stages)
         return
     kept = (dump["stage.coarse.opacities"] > cfg.opacity_threshold).nonzero()[:, 0]
     print(f"{len(kept)} of {len(dump['stage.coarse.opacities'])} primitives kept, {len(dump['stage.final.means'])} in the end", flush=True)
     given = (dump["input.images"], dump["input.c2w"], dump["input.K"], kept, dump["stage.fine.samples"], dump.get("stage.score"),
-             genden.random_perms(a.seed) if a.system == "genden" else None)
+             serialisation.random_perms(a.seed) if a.system == "genden" else None)
     told = []
     single = stages(model.float(), given, told)
     print("PyTorch in float32: " + ", ".join(f"{what} {s:.1f} s" for what, s, _ in told)

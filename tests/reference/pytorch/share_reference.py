@@ -31,12 +31,15 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
+import loss_reference
+import object_views
+import vsplat_config
 import vsplat_reference as ref
 
 
 @dataclass
-class ShareConfig(ref.Config):
-    """`ref.Config` with the predictor's fields; the comments say who fixes a value: [P] the VS-Splat paper, [S] SHARE's
+class ShareConfig(vsplat_config.Config):
+    """`vsplat_config.Config` with the predictor's fields; the comments say who fixes a value: [P] the VS-Splat paper, [S] SHARE's
     code or configuration, [G] nobody, so a guess."""
     poses: str = "predicted"            # a file without this field holds "given": it has no predictor
     share_dim: int = 128                # [P] [S] width of the matching transformer
@@ -80,17 +83,17 @@ class ShareConfig(ref.Config):
         return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in json.loads(text).items()}).check()
 
 
-def extend(base: ref.Config, **fields) -> ShareConfig:
+def extend(base: vsplat_config.Config, **fields) -> ShareConfig:
     return ShareConfig(**{**asdict(base), **fields}).check()
 
 
 CONFIGS = {
-    "paper": extend(ref.CONFIGS["paper"], fine_count=8),        # [P] M = 8 with the extension
-    "small": extend(ref.CONFIGS["small"], share_dim=64, share_reduce=(192, 96), share_ray_dim=128, share_ray_layers=4, share_ray_heads=4, share_ray_mlp=2.0),
-    "tiny": extend(ref.CONFIGS["tiny"], share_dim=16, share_reduce=(32, 24), share_match_layers=3, share_match_mlp=2, share_view_dim=5,
+    "paper": extend(vsplat_config.CONFIGS["paper"], fine_count=8),        # [P] M = 8 with the extension
+    "small": extend(vsplat_config.CONFIGS["small"], share_dim=64, share_reduce=(192, 96), share_ray_dim=128, share_ray_layers=4, share_ray_heads=4, share_ray_mlp=2.0),
+    "tiny": extend(vsplat_config.CONFIGS["tiny"], share_dim=16, share_reduce=(32, 24), share_match_layers=3, share_match_mlp=2, share_view_dim=5,
                    share_ray_dim=18, share_ray_layers=2, share_ray_heads=3, share_ray_mlp=1.5),
     # 4 x 4 tokens: the least that has shifted windows of more than one token
-    "micro": extend(ref.CONFIGS["micro"], image=32, share_dim=8, share_reduce=(8, 6), share_match_layers=2, share_match_mlp=1, share_view_dim=2,
+    "micro": extend(vsplat_config.CONFIGS["micro"], image=32, share_dim=8, share_reduce=(8, 6), share_match_layers=2, share_match_mlp=1, share_view_dim=2,
                     share_ray_dim=8, share_ray_layers=1, share_ray_heads=2, share_ray_mlp=1.0),
 }
 
@@ -312,7 +315,7 @@ def ray_loss(predicted, true):
 
 def loss(coarse, final, target, predicted, true, cfg: ShareConfig):
     """The base loss plus the ray loss (the paper's two-level rendering loss is untouched)."""
-    return ref.loss(coarse, final, target) + cfg.share_loss_weight * ray_loss(predicted, true)
+    return loss_reference.loss(coarse, final, target) + cfg.share_loss_weight * ray_loss(predicted, true)
 
 
 def ray_errors(predicted, true):
@@ -422,7 +425,7 @@ def self_check():
     for _ in range(10):
         power = power @ power
     report("se3_exp: against the matrix exponential", (se3_exp(xi) - power).abs().max(), 1e-12)
-    c2w = ref.orbit_cameras(4, CONFIGS["tiny"])[0].double()
+    c2w = object_views.orbit_cameras(4, CONFIGS["tiny"])[0].double()
     for frame in ("world", "camera"):
         moved = noisy_cameras(c2w, xi[20:24], frame)
         angle, centre = pose_errors(moved, c2w)
@@ -432,8 +435,8 @@ def self_check():
     for name in ("tiny", "micro"):
         cfg = CONFIGS[name]
         model = VSplatShare(cfg).double()
-        c2w, K = (t.double() for t in ref.orbit_cameras(cfg.views, cfg))
-        images = ref.checked_ball(c2w.float(), K.float(), cfg.image).double()
+        c2w, K = (t.double() for t in object_views.orbit_cameras(cfg.views, cfg))
+        images = object_views.checked_ball(c2w.float(), K.float(), cfg.image).double()
         trace = {}
         coarse, final, coords = model(images, c2w, K, trace=trace)
         true = ref.plucker(c2w, K, cfg.tokens, cfg.patch)
