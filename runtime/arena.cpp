@@ -263,6 +263,8 @@ void Arena::commit(const Arena& planned) {
   ArenaState& s = *state_;
   const std::lock_guard lock(s.mutex);
   const auto& wanted = planned.state_->slabs;
+  if (s.is_virtual)
+    for (Slab& slab : s.slabs) slab.growing = false;  // as in the plan, so that the run takes the planned places
   std::size_t more = 0;
   for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) more += wanted[i].capacity;
   if (!s.is_virtual && s.others() + s.reserved() + more > s.limits.total) s.refuse(more, "the run");
