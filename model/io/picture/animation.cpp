@@ -16,7 +16,7 @@ AnimationFile::AnimationFile(const AnimationOptions& options) : options_(options
 }
 
 int AnimationFile::time_of(int index, int units) const {
-  return static_cast<int>(std::lround(units * index / options_.fps));
+  return static_cast<int>(std::lround(static_cast<double>(units) * index / options_.fps));
 }
 
 void AnimationFile::add(const Image& picture) {

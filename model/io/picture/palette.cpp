@@ -69,19 +69,24 @@ IndexedPicture indexed(const std::vector<Colour>& pixels, int width) {
     return static_cast<std::size_t>(found);
   };
   const auto row = static_cast<std::size_t>(width);
-  std::vector<std::array<float, 3>> errors(pixels.size() + row + 2);
+  std::vector<std::array<float, 3>> here(row), below(row);  // of the rows of `i` and after it
   for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const std::size_t x = i % row;
+    if (x == 0 && i > 0) {
+      here.swap(below);
+      std::fill(below.begin(), below.end(), std::array<float, 3>{});
+    }
     if (pixels[i] == out.palette[0]) continue;
     std::array<int, 3> wanted{};
     for (std::size_t c = 0; c < 3; ++c)
-      wanted[c] = std::clamp(static_cast<int>(std::lround(static_cast<float>(pixels[i][c]) + errors[i][c])), 0, 255);
+      wanted[c] = std::clamp(static_cast<int>(std::lround(static_cast<float>(pixels[i][c]) + here[x][c])), 0, 255);
     const std::size_t index = find(wanted);
     out.pixels[i] = static_cast<std::uint8_t>(index);
     for (std::size_t c = 0; c < 3; ++c) {
       const float e = static_cast<float>(wanted[c] - out.palette[index][c]) / 16;
-      errors[i + row][c] += 5 * e;
-      if (i % row > 0) errors[i + row - 1][c] += 3 * e;
-      if (i % row + 1 < row) errors[i + 1][c] += 7 * e, errors[i + row + 1][c] += e;
+      below[x][c] += 5 * e;
+      if (x > 0) below[x - 1][c] += 3 * e;
+      if (x + 1 < row) here[x + 1][c] += 7 * e, below[x + 1][c] += e;
     }
   }
   return out;

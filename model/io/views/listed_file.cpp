@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "model/io/any_case.h"
+#include "model/io/reader/percent.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"
 
@@ -72,22 +73,6 @@ std::string trimmed(const std::string& name) {
   constexpr const char* blanks = " \t\r\n";
   const std::size_t first = name.find_first_not_of(blanks);
   return first == std::string::npos ? "" : name.substr(first, name.find_last_not_of(blanks) + 1 - first);
-}
-
-// With the characters that stand as %20 and the like in a URI.
-std::string percent_decoded(const std::string& name) {
-  std::string out;
-  for (std::size_t i = 0; i < name.size(); ++i) {
-    unsigned char byte = 0;
-    const char* const digits = name.data() + i + 1;
-    if (name[i] != '%' || i + 2 >= name.size() || std::from_chars(digits, digits + 2, byte, 16).ptr != digits + 2) {
-      out += name[i];
-      continue;
-    }
-    out += static_cast<char>(byte);
-    i += 2;
-  }
-  return out;
 }
 
 std::size_t letters_apart(const std::string& a, const std::string& b) {

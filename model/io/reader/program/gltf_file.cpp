@@ -7,6 +7,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "model/io/reader/percent.h"
 #include "model/io/reader/program/mesh_files.h"
 #include "runtime/printable.h"
 
@@ -21,21 +22,6 @@ std::uint32_t number_at(Bytes bytes, std::size_t at) {
 
 [[noreturn]] void unreadable(const std::string& why) {
   fail_reading(Status::format, "", "cannot be read as a mesh: " + why);
-}
-
-int digit_of(char c) {
-  return c >= '0' && c <= '9' ? c - '0' : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10 : -1;
-}
-
-std::string without_percents(std::string_view text) {
-  std::string out;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const bool coded =
-        text[i] == '%' && i + 2 < text.size() && digit_of(text[i + 1]) >= 0 && digit_of(text[i + 2]) >= 0;
-    out += coded ? static_cast<char>(16 * digit_of(text[i + 1]) + digit_of(text[i + 2])) : text[i];
-    if (coded) i += 2;
-  }
-  return out;
 }
 
 std::optional<std::vector<unsigned char>> from_base64(std::string_view text) {
@@ -183,16 +169,16 @@ std::optional<std::vector<unsigned char>> GltfFile::inside(const Field& uri) con
   if (comma == text.npos) uri.wrong("is a data URI without a comma");
   const std::string_view data = std::string_view(text).substr(comma + 1);
   if (!text.substr(0, comma).ends_with(";base64")) {
-    const std::string plain = without_percents(data);
+    const std::string plain = percent_decoded(data);
     return std::vector<unsigned char>(plain.begin(), plain.end());
   }
-  auto out = from_base64(data.find('%') == data.npos ? std::string(data) : without_percents(data));
+  auto out = from_base64(data.find('%') == data.npos ? std::string(data) : percent_decoded(data));
   if (!out) uri.wrong("is a data URI whose data are not base64");
   return out;
 }
 
 std::string GltfFile::file_of(const Field& uri) {
-  const std::string written = uri.text(), decoded = without_percents(written);
+  const std::string written = uri.text(), decoded = percent_decoded(written);
   if (written.find("://") != written.npos)
     uri.wrong(fmt::format("is {}: nothing is read over a network; put the file beside this one", printable(written)));
   if (decoded.find('\0') != decoded.npos) uri.wrong("holds a zero byte: a file's name is expected");

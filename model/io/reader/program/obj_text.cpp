@@ -209,14 +209,14 @@ void MtlMaterials::refuse_fortran(const std::string& path, long number, std::str
 
 void MtlMaterials::look_for_uses(const std::string& path, std::string_view obj) {
   constexpr std::size_t most = 10000;
-  for (long number = 1; !obj.empty() && used_.size() < most; ++number) {
+  for (long number = 1; !obj.empty(); ++number) {
     std::string_view line = obj.substr(0, obj.find('\n'));
     obj.remove_prefix(std::min(line.size() + 1, obj.size()));
     if (line.starts_with("v ") || line.starts_with("vt ") || line.starts_with("vn "))
       refuse_fortran(path, number, line);
     if (!line.starts_with("usemtl")) continue;
     take_word(line);
-    if (!line.empty()) used_.emplace(line);
+    if (!line.empty() && used_.size() < most) used_.emplace(line);
   }
 }
 
