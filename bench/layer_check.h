@@ -1,4 +1,4 @@
-// How model_check.cpp looks at a forward: the layers' weights by name, single results in double, and the worst error.
+// How forward_check.cpp looks at a forward: the layers' weights by name, single results in double, and the worst error.
 #pragma once
 #include <algorithm>
 #include <cmath>

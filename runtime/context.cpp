@@ -10,6 +10,7 @@
 namespace vsplat {
 
 void Context::collect(NotedKernels& to) { impl_->collected = &to; }
+void Context::stop_collecting() { impl_->collected = nullptr; }
 void Context::collect(NotedShapes& to) { impl_->shapes = &to; }
 
 TunedValues Context::tuned(const TunedShape& shape) const {

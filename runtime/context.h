@@ -44,6 +44,7 @@ class Context {
   // From now on, adds every launched kernel to `to`, before it is compiled. A planner, and planners made from it, add
   // the kernels that they would launch.
   void collect(NotedKernels& to);
+  void stop_collecting();
   // Adds to `to` every shape whose tuned parameters are asked for.
   void collect(NotedShapes& to);
   // Compiles the kernel if it is not compiled yet.

@@ -45,8 +45,10 @@ void lpips_all(Checks& c) {
     auto in = random_floats(size_of(h, w) * size_of(channels), 3, -2, -1);
     if (c.all) in[in.size() / 2] = 5;
     const Tensor picture = c.up({h, w, channels}, in);
-    c.close("largest of windows", max_pool(c.ctx, picture, {side, 2, 0}), ref::max_pool(in, h, w, channels, side, 2),
-            0);
+    const Window2d windows{side, 2, 0};
+    const Tensor pooled = max_pool(c.ctx, picture, windows);
+    c.that("pooled shape", pooled.shape() == Shape{windows.places(h), windows.places(w), channels});
+    c.close("largest of windows", pooled, ref::max_pool(in, h, w, channels, side, 2), 0);
   }
   for (const long n : c.some({1L, 63L, 64L, 65L, 1009L}, {3L})) {
     const auto x = random_floats(size_of(n), 4);

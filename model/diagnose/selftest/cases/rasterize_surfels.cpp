@@ -87,9 +87,9 @@ void rasterize_surfels_backward_of(Checks& c, int width, int height, int count, 
 
 void rasterize_surfels_all(Checks& c) {
   for (const int size : c.some({1, 7, 15, 16, 17, 33}, {3, 31, 53}))
-    rasterize_surfels_of(c, size, 40, 17, 0.8f, size % 2 == 0);
+    rasterize_surfels_of(c, size, 40, 17, 0.8f, size % 4 == 3 || size == 16);
   for (const int count : c.some({1, 63, 65, 150}, {0, 3, 64, 257}))
-    rasterize_surfels_of(c, 33, 20, count, count > 100 ? 1.0f : 0.3f, false);
+    rasterize_surfels_of(c, 33, 20, count, count == 150 ? 1.0f : 0.3f, false);
   for (const bool current : {false, true}) {
     rasterize_surfels_backward_of(c, 17, 3, 7, false, current);
     rasterize_surfels_backward_of(c, 13, 11, 7, false, current);

@@ -103,6 +103,15 @@ void splat_relocate_all(Checks& c) {
         want.push_back(3 * ref::wandering(sigmoid(x.logits[k])) * (row[0] * xi[0] + row[1] * xi[1] + row[2] * xi[2]));
     }
     c.close("noise", a.x.means, want, 1e-5);
+    if (!c.all) continue;
+    std::vector<float> each = c.ctx.read<float>(a.x.means);  // in units of the largest move along an axis
+    for (std::size_t k = 0; k < n; ++k) {
+      const auto row = want.begin() + static_cast<std::ptrdiff_t>(3 * k);
+      const double most = std::max({std::abs(row[0]), std::abs(row[1]), std::abs(row[2])});
+      for (std::size_t i = 0; i < 3; ++i) each[3 * k + i] = static_cast<float>(each[3 * k + i] / most);
+      for (std::ptrdiff_t i = 0; i < 3; ++i) row[i] /= most;
+    }
+    c.close("noise, each", each, want, 1e-5);
   }
 }
 

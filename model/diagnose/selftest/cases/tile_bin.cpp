@@ -96,19 +96,26 @@ void tile_bin_exact(Checks& c) {
   int small = 0;  // those that have a bit per tile
   for (int tile = 0; right && tile < tiles_x * tiles_y; ++tile) {
     const auto t = static_cast<std::size_t>(tile);
+    std::uint32_t inside = 0;  // ids of this tile's Gaussians that the list has
     for (std::uint32_t id = 0; right && id < count; ++id) {
       const std::uint32_t x = rects[2 * std::size_t{id}], y = rects[2 * std::size_t{id} + 1];
       const std::uint32_t tx = static_cast<unsigned>(tile % tiles_x), ty = static_cast<unsigned>(tile / tiles_x);
       if (tx < (x & 0xffff) || tx >= x >> 16 || ty < (y & 0xffff) || ty >= y >> 16) continue;
       const bool kept =
           std::find(ids.begin() + starts[t], ids.begin() + starts[t + 1], id) != ids.begin() + starts[t + 1];
+      inside += kept;
       if (kept && id % 3 == 0) continue;
       small += kept;
       const double by = room(id, tile);
       right = kept ? by > -1.0 : by < 0;
     }
-    for (std::uint32_t i = starts[t]; right && i < starts[t + 1]; ++i) right = slots[i] == next[ids[i]]++;
+    right = right && inside == starts[t + 1] - starts[t];
+    for (std::uint32_t i = starts[t]; right && i < starts[t + 1]; ++i) {
+      const bool in_order = i == starts[t] || std::pair(keys[ids[i - 1]], ids[i - 1]) < std::pair(keys[ids[i]], ids[i]);
+      right = in_order && slots[i] == next[ids[i]]++;
+    }
   }
+  for (std::size_t k = 0; right && k < static_cast<std::size_t>(count); ++k) right = next[k] == offsets[k + 1];
   c.that("tiles that are reached", right && small > 50);
 }
 
