@@ -174,13 +174,12 @@ void SceneFit::Impl::begin_leg() {
   if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // later steps are not compared
   if (legs.size() > 1 && !in_folds()) {  // as many steps as were best in the folds
     const auto rounds = curve.empty() ? 0 : static_cast<std::size_t>(curve.begin()->second.pictures);
-    judged.resize(rounds);
+    judged.assign(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(rounds));
     std::erase_if(curve, [most = measured_by_all(rounds)](const auto& at) { return at.first > most; });
     leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
   last_psnr = std::nan("");
   falls = 0;
-  leg_began = seconds;
   fitter.reset();  // frees its memory before the next is allocated
   poses.clear();
   exposures.clear();
@@ -188,6 +187,7 @@ void SceneFit::Impl::begin_leg() {
   resident_bytes = 0;
   spare_bytes = spare_room(ctx, start, scene.near, recipe.options, pictures.largest(used));
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
+  leg_began = seconds;  // not before: what is above may throw, and is then begun again
   if (resuming) return;
   const Uncancelled whole(ctx);
   judge();

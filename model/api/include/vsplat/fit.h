@@ -6,7 +6,8 @@
    best, it is the result, and `returned` says so. With fewer than 12 views none can be held out permanently. Then
    each view is left out in turn to find the number of steps, and finally all views are fitted for that many steps.
    Each of these rounds ends when its measure has fallen twice in a row, and only steps that all rounds have measured
-   count. Equal device, input and options give equal bits (except with `seconds`, which makes the number of steps
+   count. With `seconds`, rounds end early or are not begun, so that time is left to fit all views; only the views left
+   out until then are measured. Equal device, input and options give equal bits (except with `seconds`, which makes the number of steps
    depend on the clock). */
 #ifndef VSPLAT_FIT_H
 #define VSPLAT_FIT_H
@@ -144,7 +145,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_result(vsplat_fit fit, 
 
 typedef enum vsplat_fit_views {
   VSPLAT_FIT_USED = 0,     /* all views used for fitting, in their order */
-  VSPLAT_FIT_HELD_OUT = 1, /* the held-out views; with few views, all of them */
+  VSPLAT_FIT_HELD_OUT = 1, /* the held-out views; with few views, those left out in turn */
   VSPLAT_FIT_OUTLIERS = 2  /* the outliers, pictures that disagree with the others, worst first; empty until the fit
                                 has ended */
 } vsplat_fit_views;
@@ -163,7 +164,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_view(vsplat_fit fit, si
    existing file. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_save_cameras(vsplat_fit fit, const char* path);
 
-/* Plans the device memory of a step and of measuring: `gaussians` of `sh_degree` after all growth, pictures of width x
+/* Plans the device memory of a step and of measuring, beside what the device holds already: `gaussians` of `sh_degree` after all growth, pictures of width x
    height. Assumes that each Gaussian is visible and touches eight tiles of 16 x 16 pixels. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t sh_degree,
                                                           int32_t width, int32_t height, vsplat_plan* out_plan);
@@ -194,6 +195,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_fit(vsplat_device device, 
 #define VSPLAT_REFINE_NETWORK VSPLAT_FIT_NETWORK
 #define VSPLAT_REFINE_POINTS VSPLAT_FIT_POINTS
 #define VSPLAT_REFINE_RANDOM VSPLAT_FIT_RANDOM
+#define VSPLAT_PROGRAMS_OF_REFINE VSPLAT_PROGRAMS_OF_FIT
 #define VSPLAT_REFINE_USED VSPLAT_FIT_USED
 #define VSPLAT_REFINE_JUDGED VSPLAT_FIT_HELD_OUT
 #define VSPLAT_REFINE_SUSPECTS VSPLAT_FIT_OUTLIERS
