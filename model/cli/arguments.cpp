@@ -263,7 +263,8 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
   bool options_end = false;
   for (std::string argument : arguments) {
     const bool is_command = out.empty() || (out.size() == 1 && out[0] == "help");
-    if (is_command && argument == "refine") argument = "fit";  // its earlier name
+    const bool is_suite = scope->get_name() == "bench" && !out.back().starts_with("--");
+    if ((is_command || is_suite) && argument == "refine") argument = "fit";  // its earlier name
     options_end = options_end || argument == "--";
     if (const CLI::App* sub = options_end ? nullptr : subcommand(*scope, argument)) scope = sub;
     const std::size_t equals = argument.find('=');

@@ -37,20 +37,21 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       ->check(one_of(bench_suites()))
       ->type_name("SUITE");
   sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
-  sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
+  sub->add_option("--seconds", o->seconds, "Time spent on each case (1)")->check(positive())->type_name("S");
   sub->add_flag(
       "--references", o->references,
-      "Other libraries, too, by turns: OpenBLAS and oneDNN on a CPU, where they were there when this was built, "
-      "and CLBlast, which compiles for long there");
+      "Also time other libraries, in turn: on a CPU OpenBLAS and oneDNN, if this was built with them, and CLBlast, "
+      "which compiles for a long time there");
   sub->add_option("--compare", o->compare,
-                  "Say of each case whether it is slower or faster than in this earlier --json")
+                  "Say for each case whether it is slower or faster than in this earlier --json")
       ->check(CLI::ExistingFile)
       ->type_name("OLD.json");
   sub->add_option("--fail-above", o->fail_above,
-                  "End with 1 where a case is slower than that by more, and by more than its noise")
+                  "With --compare: exit with 1 if a case is slower by more than this and by more than its noise")
       ->type_name("P%");
-  sub->add_option("--scenes", o->scenes,
-                  "Draw every NAME.ply by its NAME.cameras.json of this folder (default: scenes made here)")
+  sub->add_option(
+         "--scenes", o->scenes,
+         "Draw every NAME.ply of this folder from the cameras in its NAME.cameras.json (default: scenes made here)")
       ->check(CLI::ExistingDirectory)
       ->type_name("DIR");
   sub->add_option("--model", o->model, "Train this model (default: random weights of the size small)")
@@ -72,17 +73,15 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       "  vsplat bench render --run small\n"
       "  vsplat bench train --run network\n"
       "  vsplat bench fit --run object\n"
-      "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and "
-      "backward\n"
-      "(which draws once more). A frame is timed from the call until the device is done, by 8 cameras in turn; the "
-      "stages'\n"
-      "shares of it include the host's. A step of training is that of one object, four input and four more views: its\n"
-      "network's forward and backward, and the whole of it with both levels drawn, loss and optimiser.\n"
-      "A case of the suite model is a whole forward of the network, of which each stage stands against what its "
-      "kernels\n"
-      "could be done in. A case takes --seconds, or three runs, but no more than 30 times as long.\n"
-      "Every case's result is checked before it is timed, of most single operations only that there is one; the peaks\n"
-      "are measured in the same run.\n"
+      "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and\n"
+      "backward (which draws once more). A frame is timed from the call until the device is done, from 8 cameras in\n"
+      "turn; the shares of its stages include the host's time. A step of training has one object with four input "
+      "views\n"
+      "and four more: the network's forward and backward alone, and the whole step with drawing, loss and optimiser.\n"
+      "A case of the suite model is a whole forward of the network; each stage is compared with the least time that\n"
+      "its kernels could take. A case takes --seconds, or three runs, but no more than 30 times as long.\n"
+      "Every result is checked before it is timed: single operations against their references at small sizes, and at\n"
+      "the size that is timed mostly that there are numbers. The peaks are measured in the same run.\n"
       "Suites: gemm, conv3d, render, train, fit, model, sparse, and of single operations:\n" +
       lines_of(words(VSPLAT_BENCH_OPERATIONS)));
   return sub;

@@ -152,8 +152,8 @@ void fit(const FitSettings& o) {
 
 void add_fit_options(CLI::App& sub, FitOptions& o) {
   sub.add_option("--steps", o.steps,
-                 "Number of steps (default: auto, by the number of views; with few views, the number that suits views "
-                 "left out)")
+                 "Number of steps (default: auto, by the number of views; with few views, the number that was "
+                 "best for the views left out in turn)")
       ->type_name("N|auto");
   sub.add_option("--time", o.seconds, "Time limit: no step begins that would end later, judging included")
       ->type_name("SECONDS");
@@ -163,9 +163,9 @@ void add_fit_options(CLI::App& sub, FitOptions& o) {
       ->type_name("auto|none|N|NAME,...");
   sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default 512)")->type_name("N|full");
   const char* what = "The scene";
-  sub.add_option(
-         "--max-gaussians", o.max_gaussians,
-         "Number of Gaussians that it may grow to (default: by the pictures; with fewer than 12 it does not grow)")
+  sub.add_option("--max-gaussians", o.max_gaussians,
+                 "Number of Gaussians that it may grow to (default: by the pictures; with fewer than 12 pictures it "
+                 "does not grow)")
       ->type_name("N")
       ->group(what);
   sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 with many views)")

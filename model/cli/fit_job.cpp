@@ -177,12 +177,13 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     }
     more = fit.step(progress);
     teller.tell(progress);
-    folds_ = folds_ || std::string(progress.phase).starts_with("leaving out");
     if (!log_.empty()) add_log_line(log, progress, elapsed_seconds() - begun);
   }
   clear_progress();
   result_ = fit.result();
   judged_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
+  // With fewer than 12 views VSPLAT_HOLDOUT_AUTO leaves out each in turn, maybe before this run resumed the fit.
+  folds_ = options.holdout == VSPLAT_HOLDOUT_AUTO && fit.views(VSPLAT_FIT_USED).size() < 12;
   suspects_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
   start_ = fit.start();
   vsplat::Scene scene = fit.scene();

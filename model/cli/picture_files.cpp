@@ -19,7 +19,8 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
       ->check(one_of({"png", "jpg", "exr"}))
       ->type_name("png|jpg|exr")
       ->group(group);
-  app.add_option("--quality", o.quality, "Quality of JPEG and --turntable (default 90; 100: a .webp without loss)")
+  app.add_option("--quality", o.quality,
+                 "Quality of JPEG and of a .webp --turntable (default 90; 100: the .webp is lossless)")
       ->type_name("1-100")
       ->group(group);
   app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
@@ -28,7 +29,7 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
   app.add_option("--turntable", o.turntable, "An animation of all pictures, which loops")
       ->type_name("FILE.webp|FILE.gif")
       ->group(group);
-  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100, of a GIF to 50 (default 24)")
+  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100, for a GIF at most 50 (default 24)")
       ->type_name("F")
       ->group(group);
   app.add_option("--write-cameras", o.write_cameras, "The cameras drawn from, as a cameras.json")
@@ -72,7 +73,7 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
   app.add_option("--orbit-elevation", o.orbit_elevation, "Their elevation, degrees")->type_name("DEG")->group(group);
   app.add_option("--supersample", o.supersample,
                  "Samples along a pixel's edge, 1 to 8: pictures are drawn this many times larger and averaged "
-                 "(default: auto, as many as make smaller pictures as fine as those that the scene was made from)")
+                 "(default: auto, enough for pictures smaller than the scene's input to keep its detail)")
       ->type_name("N|auto")
       ->group(group);
   app.add_option("--up", o.up, "Which way is up in the world (default: from the scene's file or the cameras)")

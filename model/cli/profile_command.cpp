@@ -204,6 +204,7 @@ void diff(const DiffOptions& o) {
 void add_profile(CLI::App& app, Run& run) {
   CLI::App* parent = app.add_subcommand("profile", "Compare profiles of runs");
   parent->require_subcommand(1);
+  parent->footer("Example:\n  vsplat profile diff before.json after.json --fail-above 5%");
   auto o = std::make_shared<DiffOptions>();
   CLI::App* sub = parent->add_subcommand("diff", "Show what has become slower or faster from one profile to another");
   sub->add_option("before", o->before, "A profile that --profile wrote")->required()->type_name("BEFORE.json");

@@ -67,7 +67,7 @@ void report(const ReportOptions& o) {
 
 void add_report(CLI::App& app, Run& run) {
   auto o = std::make_shared<ReportOptions>();
-  CLI::App* sub = app.add_subcommand("report", "Write the facts for a report of a defect into one file");
+  CLI::App* sub = app.add_subcommand("report", "Write one file for a bug report");
   sub->add_option("-o,--output", o->output, "Where it goes (default: vsplat-report.json)")->type_name("FILE.json");
   sub->add_option("--seconds", o->seconds, "Time limit for one driver to load and to list its devices (default: 20)")
       ->check(CLI::Range(0.1, 3600.0))

@@ -310,7 +310,7 @@ void add_train(CLI::App& app, Run& run) {
                   "Intersections of Gaussians with tiles in a picture, as in log.csv (default: 8 for each Gaussian)")
       ->type_name("N")
       ->group(memory);
-  sub->add_option("--selection", o->selection, "Refine these voxels in every step, whatever the network chooses")
+  sub->add_option("--selection", o->selection, "Use these voxels in every step, whatever the network chooses")
       ->type_name("FILE")
       ->group(memory);
   add_common(*sub, o->common, {.precision = true});

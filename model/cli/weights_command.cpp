@@ -185,7 +185,7 @@ void add_convert(CLI::App& parent, Run& run) {
       ->check(one_of({"f16", "f32"}))
       ->type_name("f16|f32");
   sub->add_option("--view-count", o->view_count,
-                  "How many pictures reconstruct takes by default, 1 to 16: what its makers measured to be best")
+                  "Store in the file how many pictures reconstruct uses by default, 1 to 16")
       ->check(CLI::Range(1, 16).description(""))
       ->type_name("N");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("FILE");
