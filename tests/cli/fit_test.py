@@ -164,7 +164,9 @@ class Fit(support.Case):
         process.kill()
         process.wait()
         self.refuses(2, ["--resume", "state"], *self.fit(*more, *kept, output="again.ply"))
-        self.succeeds(*self.fit(*more, *kept, "--resume", output="again.ply"), "--overwrite")
+        resumed = [argument for argument in self.fit(*more, *kept, "--resume", output="again.ply") if argument != "--quiet"]
+        _, said = self.succeeds(*resumed, "--overwrite")
+        self.assertIn("1 picture that it was not fitted to:", said)  # nothing was left out in turn
         self.assertEqual(pathlib.Path(self.path("out.ply")).read_bytes(), pathlib.Path(self.path("again.ply")).read_bytes())
         self.refuses(2, "--resume needs --checkpoint", *self.fit("--resume", output="x.ply"))
 
