@@ -190,7 +190,8 @@ static void a_plan_grows_with_the_scene(vsplat_device device) {
   EXPECT(VSPLAT_OK, vsplat_plan_fit(device, 100000, 1, side, side, &large));
   HOLD(small.fits == 1 && large.peak > 10 * small.peak);
   HOLD(small.host_peak > 0 && large.host_peak > 50 * small.host_peak);
-  /* SSIM's maps are counted: with them a step holds 15 pictures, without them at most 11. A first slab is counted once. */
+  /* SSIM's maps are counted: with them a step holds 15 pictures, without them at most 11. A first slab is counted
+     once. */
   EXPECT(VSPLAT_OK, vsplat_plan_fit(fresh, 100, 1, 512, 512, &small));
   vsplat_device_release(fresh);
   HOLD(small.peak > 12.0 * 512 * 512 * 3 * sizeof(float) && small.peak < 18.0 * 512 * 512 * 3 * sizeof(float));

@@ -164,8 +164,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_view(vsplat_fit fit, si
    existing file. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_save_cameras(vsplat_fit fit, const char* path);
 
-/* Plans the device memory of a step and of measuring, beside what the device holds already: `gaussians` of `sh_degree` after all growth, pictures of width x
-   height. Assumes that each Gaussian is visible and touches eight tiles of 16 x 16 pixels. */
+/* Plans the device memory of a step and of measuring, beside what the device holds already: `gaussians` of `sh_degree`
+   after all growth, pictures of width x height. Assumes that each Gaussian is visible and touches eight tiles of 16 x 16 pixels. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t sh_degree,
                                                           int32_t width, int32_t height, vsplat_plan* out_plan);
 
