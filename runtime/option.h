@@ -18,8 +18,8 @@
   /* scenes and drawing */                                                                                           \
   X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)               \
   /* a fit */                                                                                                        \
-  X(fit_checkpoint) X(fit_resume) X(fit_views) X(freeze) X(holdout_count) X(holdout_names) X(longest)                 \
-  X(max_gaussians)                                                                                                   \
+  X(fit_checkpoint) X(fit_extent) X(fit_resume) X(fit_views) X(freeze) X(holdout_count) X(holdout_names) X(longest)   \
+  X(max_gaussians) X(near_plane)                                                                                                   \
   /* models */                                                                                                       \
   X(import_config) X(import_fields) X(model) X(model_fields) X(model_init)                                            \
   /* training and evaluation */                                                                                      \

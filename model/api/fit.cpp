@@ -63,6 +63,18 @@ FitFreeze freeze_of(uint32_t bits) {
           (bits & VSPLAT_FREEZE_OPACITIES) != 0, (bits & VSPLAT_FREEZE_SH) != 0};
 }
 
+FitQuality quality_of(int quality) {
+  switch (quality) {
+    case VSPLAT_QUALITY_DRAFT:
+      return FitQuality::draft;
+    case VSPLAT_QUALITY_NORMAL:
+      return FitQuality::normal;
+    case VSPLAT_QUALITY_HIGH:
+      return FitQuality::high;
+  }
+  fail(Status::usage, "options.quality is {}, not a value of vsplat_fit_quality", quality);
+}
+
 FitRequest request_of(const vsplat_fit_options& o) {
   FitRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
@@ -74,12 +86,15 @@ FitRequest request_of(const vsplat_fit_options& o) {
     fail(Status::usage, "options.max_gaussians is {}: 0 to {} expected", o.max_gaussians, INT32_MAX);
   if (o.sh_degree < -1 || o.sh_degree > 3)
     fail(Status::usage, "options.sh_degree is {}: -1, or 0 to 3 expected", o.sh_degree);
-  if (o.longest < 0) fail(Status::usage, "options.longest is {}: 0, or a number of pixels expected", o.longest);
+  if (o.longest < -1) fail(Status::usage, "options.longest is {}: -1, 0, or a number of pixels expected", o.longest);
+  if (!(o.near_plane >= 0) || !std::isfinite(o.near_plane))
+    fail(Status::usage, "options.near_plane is {}: 0, or a distance in world units expected", o.near_plane);
   out.steps = static_cast<long>(o.steps);
   out.seconds = o.seconds;
   out.max_gaussians = static_cast<long>(o.max_gaussians);
   if (o.sh_degree >= 0) out.degree = o.sh_degree;
-  out.longest = o.longest;
+  out.quality = quality_of(value_of(o.quality));
+  out.longest = o.longest < 0 ? longest_of(out.quality) : o.longest;
   out.freeze = freeze_of(o.freeze);
   out.seed = o.seed;
   out.poses = o.poses != 0;
@@ -150,6 +165,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     made->independent = from.start.independent;
     made->selected = from.selected;
     request.spared = from.named;
+    request.whole = from.whole;
     made->scene_fit.emplace(device->context, views->photographs, std::move(from.start), request);
     *out_fit = made.release();
   });

@@ -8,7 +8,9 @@
 #include "model/api/model.h"
 #include "model/api/scene.h"
 #include "model/api/selected.h"
+#include "model/api/whole_source.h"
 #include "model/base/resample.h"
+#include "model/base/statistics.h"
 #include "model/fit/fit_start.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/views/listed_points.h"
@@ -20,6 +22,8 @@
 
 namespace vsplat::api {
 namespace {
+
+constexpr double kNearOfDistance = 0.1;  // the near plane is at most at this share of the distance of a camera
 
 float middle(std::vector<float> values, double share) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
@@ -47,8 +51,15 @@ Placement cube_of(const Scene& scene) {
   return out;
 }
 
-Placement place(const Photographs& photographs, const InputRequest& input, const Scene* scene,
-                const std::vector<int>& used, const std::vector<ColoredPoint>* points = nullptr) {
+// An object's cube, and what limits it.
+struct PlacedObject {
+  Placement cube;
+  // The smallest and the median distance of a camera from the cube's centre.
+  double nearest = 0, usual = 0;
+};
+
+PlacedObject place(const Photographs& photographs, const InputRequest& input, const Scene* scene,
+                   const std::vector<int>& used, const std::vector<ColoredPoint>* points = nullptr) {
   const ViewSet& set = photographs.set;
   PlacementRequest request = input.placement;
   const bool centre_open = !request.centre && !set.aabb_center, edge_open = !request.edge && !set.aabb_half;
@@ -66,13 +77,19 @@ Placement place(const Photographs& photographs, const InputRequest& input, const
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
   warn_of_one_place(set.source.string(), cameras);
   check_centre_is_seen(cameras, set.convention, chosen, input.force || scene);
-  return chosen.placement;
+  std::vector<double> distances;
+  distances.reserve(cameras.size());
+  for (const Camera& camera : cameras) distances.push_back((camera.centre() - chosen.placement.centre).norm());
+  return {chosen.placement, *std::min_element(distances.begin(), distances.end()), median(distances)};
 }
 
-// The points to start from.
-std::vector<ColoredPoint> points_of(const Photographs& photographs) {
-  if (std::optional<ListedPoints> found = listed_points(photographs.set)) return std::move(found->points);
-  return read_colmap_points(photographs.set.source);  // its error says where it searched
+// Sets the frame of the fit. Rates are relative to its unit, and the near plane to the cube, so both are bounded by the
+// cameras' distances: a cube that is far too large then does not matter.
+void frame_by(const PlacedObject& placed, FitSource& out) {
+  const double unit = placed.usual > 0 ? std::min(placed.cube.edge, placed.usual) : placed.cube.edge;
+  out.start.placement = {placed.cube.centre, unit};
+  out.start.cube = placed.cube.edge / unit;
+  if (placed.nearest > 0) out.farthest_near = kNearOfDistance * placed.nearest;
 }
 
 ReconstructOptions reconstruct_options_of(const vsplat_fit_options& o, const Config& config) {
@@ -169,64 +186,87 @@ std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const 
   return out;
 }
 
-FitSource start_of(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
-                   const std::vector<int>& used) {
-  const Photographs& photographs = views->photographs;
-  const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
-                                                : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
+// The start that VSPLAT_FIT_AUTO stands for, of an object.
+vsplat_fit_start chosen_start(const Photographs& photographs, const vsplat_fit_options& o, std::size_t used) {
+  const auto asked = static_cast<vsplat_fit_start>(value_of(o.start));
+  if (asked != VSPLAT_FIT_AUTO) return asked;
+  if (o.model && used < kManyViews) return VSPLAT_FIT_NETWORK;
+  return listed_points(photographs.set) ? VSPLAT_FIT_POINTS : VSPLAT_FIT_RANDOM;
+}
+
+FitSource object_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
+                        const InputRequest& input, const std::vector<int>& used) {
   FitSource made;
   FitStart& out = made.start;
   const auto always = [&out](Scene scene) {
     out.make = [kept = std::make_shared<const Scene>(std::move(scene))](const std::vector<int>&) { return *kept; };
   };
   const auto most = static_cast<long>(o.max_gaussians);
-  switch (value_of(o.start)) {
+  switch (chosen_start(photographs, o, used.size())) {
     case VSPLAT_FIT_SCENE: {
       need(o.scene, "options.scene");
       const std::shared_ptr<const Scene> scene = o.scene->now();
       if (scene->gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to fit");
-      out.placement = place(photographs, input, scene.get(), used);
+      frame_by(place(photographs, input, scene.get(), used), made);
       out.make = [scene](const std::vector<int>&) { return *scene; };
       return made;
     }
     case VSPLAT_FIT_NETWORK:
       need(o.model, "options.model");
-      out.placement = place(photographs, input, nullptr, used);
       {
+        const PlacedObject placed = place(photographs, input, nullptr, used);
+        frame_by(placed, made);
         std::vector<int> inputs =
             inputs_of(photographs.set, input, used, view_count(input, vsplat_file(o.model).config));
         if (!input.names.empty()) made.named = inputs;
-        out.make = Prediction(device, photographs, o, input, out.placement, std::move(inputs), made.selected);
+        out.make = Prediction(device, photographs, o, input, placed.cube, std::move(inputs), made.selected);
       }
       out.independent = true;
       return made;
     case VSPLAT_FIT_POINTS: {
       const std::vector<ColoredPoint> points = points_of(photographs);
-      out.placement = place(photographs, input, nullptr, used, &points);
-      always(scene_from_points(points, out.placement, most));
+      const PlacedObject placed = place(photographs, input, nullptr, used, &points);
+      frame_by(placed, made);
+      always(scene_from_points(points, placed.cube, most));
       return made;
     }
-    case VSPLAT_FIT_RANDOM:
-      out.placement = place(photographs, input, nullptr, used);
-      always(random_scene(out.placement, most > 0 ? most : kRandomStart, o.seed));
+    case VSPLAT_FIT_RANDOM: {
+      const PlacedObject placed = place(photographs, input, nullptr, used);
+      frame_by(placed, made);
+      out.make = [cube = placed.cube, count = most > 0 ? most : kRandomStart, seed = o.seed, &photographs](
+                     const std::vector<int>& fitted) { return random_scene(cube, count, seed, photographs, fitted); };
       out.independent = true;
       return made;
+    }
+    case VSPLAT_FIT_AUTO:
+      break;
   }
   fail(Status::usage, "options.start is {}, not a value of vsplat_fit_start", value_of(o.start));
 }
 
 }  // namespace
 
+std::vector<ColoredPoint> points_of(const Photographs& photographs) {
+  if (std::optional<ListedPoints> found = listed_points(photographs.set)) return std::move(found->points);
+  return read_colmap_points(photographs.set.source);  // its error says where it searched
+}
+
 FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
                      const std::vector<int>& used) {
-  FitSource out = start_of(device, views, o, used);
+  const Photographs& photographs = views->photographs;
+  const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
+                                                : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
+  FitSource out = is_whole(photographs, o, input, used) ? whole_source(photographs, o, used)
+                                                        : object_source(device, photographs, o, input, used);
   // A scene without an up direction gets the cameras' one; a distant scene gets an offset, since floats would not hold
   // its positions.
-  const Eigen::Vector3f up = listed_up(views->photographs).cast<float>();
+  const Eigen::Vector3f up = listed_up(photographs).cast<float>();
   const Eigen::Vector3d offset = offset_for(out.start.placement.centre, out.start.placement.edge);
-  out.start.make = [make = std::move(out.start.make), up, offset](const std::vector<int>& fitted) {
+  out.start.make = [make = std::move(out.start.make), up, offset, near = o.near_plane,
+                    farthest = out.farthest_near](const std::vector<int>& fitted) {
     Scene scene = make(fitted);
     if (scene.offset.isZero(0) && !offset.isZero(0)) transform(scene, {}, offset);
+    scene.near = static_cast<float>(near > 0 ? near : std::min(static_cast<double>(scene.near), farthest));
     if (!scene.up) scene.up = {up.x(), up.y(), up.z()};
     return scene;
   };

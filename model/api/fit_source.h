@@ -1,21 +1,28 @@
 // What a fit starts from.
 #pragma once
+#include <limits>
 #include <memory>
 #include <vector>
 
 #include "model/api/handle.h"
 #include "model/fit/scene_fit.h"
+#include "model/io/views/colmap_points.h"
 
 namespace vsplat::api {
 
 struct FitSource {
   FitStart start;
-  std::vector<int> named;                                                             // views requested for the network
+  double farthest_near = std::numeric_limits<double>::infinity();  // limit of the near plane, in world units
+  bool whole = false;                                              // a whole scene rather than an object in its cube
+  std::vector<int> named;                                          // views requested for the network
   std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, from its last run
 };
 
-// Places the object and checks what the start needs; `used` are the views of `o`. Keeps the scene or model of `o`
-// alive, but not device and views.
+// The sparse points of the views. Error names where they were searched for.
+std::vector<ColoredPoint> points_of(const Photographs& photographs);
+
+// Places the object, or the scene, and checks what the start needs; `used` are the views of `o`. Keeps the scene or
+// model of `o` alive, but not device and views.
 FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
                      const std::vector<int>& used);
 

@@ -51,6 +51,7 @@ constexpr CName c_names[] = {
     FIELD(up, vsplat_orbit_options, up),
 
     FIELD(fit_checkpoint, vsplat_fit_options, checkpoint),
+    FIELD(fit_extent, vsplat_fit_options, extent),
     FIELD(fit_resume, vsplat_fit_options, resume),
     FIELD(fit_views, vsplat_fit_options, names),
     FIELD(freeze, vsplat_fit_options, freeze),
@@ -58,6 +59,7 @@ constexpr CName c_names[] = {
     FIELD(holdout_names, vsplat_fit_options, holdout_names),
     FIELD(longest, vsplat_fit_options, longest),
     FIELD(max_gaussians, vsplat_fit_options, max_gaussians),
+    FIELD(near_plane, vsplat_fit_options, near_plane),
 
     FIELD(import_config, vsplat_import_options, config_file),
     FIELD(import_fields, vsplat_import_options, fields),

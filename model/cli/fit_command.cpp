@@ -15,26 +15,32 @@ struct FitSettings {
   Common common;
   PlacementOptions placement;
   FitOptions fit;
-  std::string views, start, model, output, names, picture_folder, near;
+  std::string views, start = "auto", model, output, names, picture_folder, near;
   int view_count = 0;  // 0: the model's
-  bool force = false, dry_run = false, skip_bad = false;
+  bool object = false, scene = false, force = false, dry_run = false, skip_bad = false;
 };
 
 // Parses --start; a file with one of these names is written ./NAME.
 vsplat_fit_start start_of(const std::string& text) {
-  return text == "network"  ? VSPLAT_FIT_NETWORK
-         : text == "points" ? VSPLAT_FIT_POINTS
-         : text == "random" ? VSPLAT_FIT_RANDOM
-                            : VSPLAT_FIT_SCENE;
+  return text == "auto"      ? VSPLAT_FIT_AUTO
+         : text == "network" ? VSPLAT_FIT_NETWORK
+         : text == "points"  ? VSPLAT_FIT_POINTS
+         : text == "random"  ? VSPLAT_FIT_RANDOM
+                             : VSPLAT_FIT_SCENE;
+}
+
+// Whether it begins with what the network makes, or may do so.
+bool uses_network(const FitSettings& o) {
+  const vsplat_fit_start start = start_of(o.start);
+  return start == VSPLAT_FIT_NETWORK || (start == VSPLAT_FIT_AUTO && !o.scene);
 }
 
 void check(const FitSettings& o) {
-  if (o.start.empty()) throw UsageError("fit needs --start: a scene's file, or network, points or random");
   if (o.output.empty() && !o.dry_run) throw UsageError("fit needs --output, the scene's file");
   need_ending("--output", o.output, ".ply");
-  if (start_of(o.start) != VSPLAT_FIT_NETWORK) {
+  if (o.object && o.scene) throw UsageError("--object and --scene exclude each other");
+  if (!uses_network(o)) {
     if (!o.model.empty()) throw UsageError("--model is for --start network");
-    if (!o.near.empty()) throw UsageError("--near is for --start network");
     if (o.view_count) throw UsageError("--view-count is for --start network");
     if (o.placement.crop != "auto") throw UsageError("--crop is for --start network");
   }
@@ -56,7 +62,10 @@ std::string start_file(const FitSettings& o) { return start_of(o.start) == VSPLA
 // twice the start's.
 void dry_run(const FitSettings& o, const FitJob& job) {
   Session session(o.common);
-  const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
+  // The presets of vsplat_fit_quality.
+  constexpr int of_quality[] = {512, 1024, 1600};
+  const int longest = job.options.longest < 0 ? of_quality[job.options.quality] : job.options.longest;
+  const int unknown = longest > 0 ? longest : 1600;
   vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
   read.width = read.height = unknown;
   read.skip_bad = o.skip_bad;
@@ -82,14 +91,14 @@ void dry_run(const FitSettings& o, const FitJob& job) {
   double pixels = 1;
   for (const vsplat_camera& c : cameras) {
     const double longer = std::max(c.width, c.height);
-    const double scale = job.options.longest > 0 ? std::min(1.0, job.options.longest / longer) : 1;
+    const double scale = longest > 0 ? std::min(1.0, longest / longer) : 1;
     pixels = std::max(pixels, scale * scale * c.width * c.height);
   }
   const std::uint64_t grows = job.options.max_gaussians > 0
                                   ? job.options.max_gaussians
                                   : std::max(2 * begins, static_cast<std::uint64_t>(1.5 * pixels));
   if (job.options.sh_degree >= 0) degree = job.options.sh_degree;
-  plans.push_back(plan_fit(session, std::max(begins, grows), degree, cameras, job.options.longest));
+  plans.push_back(plan_fit(session, std::max(begins, grows), degree, cameras, longest));
   print_plans(o.common, plans);
 }
 
@@ -104,7 +113,9 @@ void fit(const FitSettings& o) {
   input.view_count = o.view_count;
   job.options.input = &input;
   vsplat_reconstruct_options network = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
-  if (!o.near.empty()) network.near_plane = positive_number("--near", o.near, "distance in world units");
+  if (!o.near.empty()) job.options.near_plane = positive_number("--near", o.near, "distance in world units");
+  network.near_plane = job.options.near_plane;
+  job.options.extent = o.object ? VSPLAT_EXTENT_OBJECT : o.scene ? VSPLAT_EXTENT_SCENE : VSPLAT_EXTENT_AUTO;
   job.options.reconstruct = &network;
   std::vector<std::string> names;
   if (!o.names.empty()) names = list("--views", o.names);
@@ -129,10 +140,10 @@ void fit(const FitSettings& o) {
   job.options.scene = scene.get();
   Session session(o.common);
   session.about("command", "fit");
-  if (job.options.start == VSPLAT_FIT_NETWORK) session.about("model", model_name(o.model));
+  if (uses_network(o)) session.about("model", model_name(o.model));
   session.about("scene", o.views);
   vsplat::Model model;
-  if (job.options.start == VSPLAT_FIT_NETWORK) model = load_model(o.model);
+  if (uses_network(o)) model = load_model(o.model);
   job.options.model = model.get();
   const vsplat::Scene result = job.run(session, o.common, views, outputs);
   file.save(o.common, result);
@@ -151,8 +162,14 @@ void fit(const FitSettings& o) {
 }
 
 void add_fit_options(CLI::App& sub, FitOptions& o) {
+  sub.add_option(
+         "--quality", o.quality,
+         "Number of steps and pixels of the pictures' longer side: draft 2,000 and 512, normal 7,000 and 1,024, "
+         "high 30,000 and 1,600 (default: draft)")
+      ->check(one_of({"draft", "normal", "high"}))
+      ->type_name("draft|normal|high");
   sub.add_option("--steps", o.steps,
-                 "Number of steps (default: auto, by the number of views; with few views, the number that was "
+                 "Number of steps (default: auto, by --quality; for an object with few views, the number that was "
                  "best for the views left out in turn)")
       ->type_name("N|auto");
   sub.add_option("--time", o.seconds, "Time limit: no step begins that would end later, judging included")
@@ -161,7 +178,7 @@ void add_fit_options(CLI::App& sub, FitOptions& o) {
                  "Which pictures are held out to judge the scene (default: auto, every eighth of 12 or more; with "
                  "fewer, each is left out in turn)")
       ->type_name("auto|none|N|NAME,...");
-  sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default 512)")->type_name("N|full");
+  sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default: by --quality)")->type_name("N|full");
   const char* what = "The scene";
   sub.add_option("--max-gaussians", o.max_gaussians,
                  "Number of Gaussians that it may grow to (default: by the pictures; with fewer than 12 pictures it "
@@ -191,8 +208,13 @@ void add_fit(CLI::App& app, Run& run) {
       ->type_name("VIEWS");
   sub->add_option("--start", o->start,
                   "What it begins with: a scene, what the network makes, COLMAP's points, or points at random (a file "
-                  "of such a name is ./NAME)")
-      ->type_name("SCENE.ply|network|points|random");
+                  "of such a name is ./NAME). Default: auto, a whole scene's points, or random ones if there are none; "
+                  "for an object the network with fewer than 12 pictures, else the points, else random ones")
+      ->type_name("SCENE.ply|network|points|random|auto");
+  sub->add_flag("--scene", o->scene,
+                "Fit the whole scene that the pictures show (default, unless they have masks or alpha, or a cube is "
+                "given)");
+  sub->add_flag("--object", o->object, "Fit an object: what lies outside its cube is white");
   sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
   sub->add_option("--views", o->names,
                   "Which pictures are used: names (stem or path) or @ and place in the list from 0 (default: all)")
@@ -201,7 +223,9 @@ void add_fit(CLI::App& app, Run& run) {
   add_fit_options(*sub, o->fit);
   sub->add_option("-m,--model", o->model, "The model of --start network (default: the built-in model)")
       ->type_name("MODEL");
-  sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")
+  sub->add_option("--near", o->near,
+                  "Near plane, world units (default: the start's; for an object 0.2 times its cube's edge, for a whole "
+                  "scene a hundredth of the distance to its nearest points)")
       ->type_name("Z");
   sub->add_option("--view-count", o->view_count,
                   "How many of the fitted pictures the network of --start network gets, well spread, 1 to 16 (default: "

@@ -125,6 +125,9 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_
   if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // already checked by CLI11
   if (!o.freeze.empty()) options.freeze = freeze_of(o.freeze);
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
+  options.quality = o.quality == "high"     ? VSPLAT_QUALITY_HIGH
+                    : o.quality == "normal" ? VSPLAT_QUALITY_NORMAL
+                                            : VSPLAT_QUALITY_DRAFT;
   if (o.size == "full")
     options.longest = 0;
   else if (!o.size.empty())

@@ -15,12 +15,12 @@ constexpr double kMuch = 0.2;
 
 }  // namespace
 
-double shown_beside_cube(const FitPicture& picture) {
+double shown_beside_cube(const FitPicture& picture, double edge) {
   const Camera& c = picture.camera;
   if (picture.masked || c.width < 1 || c.height < 1) return 0;
   double x0 = c.width, y0 = c.height, x1 = 0, y1 = 0;
   for (int corner = 0; corner < 8; ++corner) {
-    const auto at = [corner](int axis) { return (corner >> axis & 1) == 0 ? -0.5 : 0.5; };
+    const auto at = [corner, edge](int axis) { return (corner >> axis & 1) == 0 ? -0.5 * edge : 0.5 * edge; };
     const Eigen::Vector3d p = (c.w2c * Eigen::Vector4d(at(0), at(1), at(2), 1)).head<3>();
     if (!(p.z() > 0)) return 0;
     const double u = c.fx * p.x() / p.z() + c.cx, v = c.fy * p.y() / p.z() + c.cy;

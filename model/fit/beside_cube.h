@@ -7,9 +7,9 @@
 
 namespace vsplat {
 
-// The share of a picture's pixels outside the projected cube [-0.5,0.5]^3 that are not white. 0 if the picture is
+// The share of a picture's pixels outside the projected cube [-edge/2,edge/2]^3 that are not white. 0 if the picture is
 // masked, or if a corner of the cube is behind the camera.
-double shown_beside_cube(const FitPicture& picture);
+double shown_beside_cube(const FitPicture& picture, double edge = 1);
 
 // Returns the text of a warning, or "" if no warning is due. `shares`: of the pictures that were measured; `unmasked`:
 // how many of all `pictures` have no mask.

@@ -6,6 +6,12 @@
 namespace vsplat {
 namespace {
 
+constexpr long kLeastJudged = 100, kJudged = 20;  // measured so often, but not after fewer steps
+
+long steps_of(FitQuality quality) {
+  return quality == FitQuality::high ? 30000 : quality == FitQuality::normal ? 7000 : 2000;
+}
+
 // Without growth. The learning rates do not depend on the number of steps, which is not known yet. Dropping Gaussians
 // helps a little.
 FitRecipe for_few() {
@@ -20,10 +26,9 @@ FitRecipe for_few() {
 // The regularisers, relocation and growth of 3DGS-MCMC, without its noise, which cost 0.8 dB on photographs. As in
 // 3DGS, D-SSIM makes up a fifth of the loss. This improves PSNR, too, if there are as many Gaussians as pixels; with a
 // third as many it does not.
-FitRecipe for_many(double object_pixels, long count) {
+FitRecipe for_many(FitQuality quality, double object_pixels, long count) {
   FitRecipe out;
-  out.steps = 2000;
-  out.judge_every = 100;
+  out.steps = steps_of(quality);
   out.least_degree = 2;
   out.options.ssim_weight = 0.2f;
   out.options.opacity_weight = 0.01f;
@@ -33,13 +38,35 @@ FitRecipe for_many(double object_pixels, long count) {
   return out;
 }
 
+// As for_many(), with rates for lengths in units of the cameras' spread, and with far Gaussians. A regulariser on
+// scales in place of the one on opacities keeps scenes opaque.
+FitRecipe for_whole(FitQuality quality, double pixels, long count) {
+  FitRecipe out = for_many(quality, pixels, count);
+  out.least_degree = 3;
+  FitOptions& o = out.options;
+  o.rates.means = 3e-4;
+  o.opacity_weight = 0;
+  o.scale_weight = 0.3f;
+  o.high_scale = 100;
+  o.max_gaussians = std::max(static_cast<long>(0.5 * pixels), count);
+  return out;
+}
+
 }  // namespace
 
+int longest_of(FitQuality quality) {
+  return quality == FitQuality::high ? 1600 : quality == FitQuality::normal ? 1024 : 512;
+}
+
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count) {
-  FitRecipe out = views < kManyViews ? for_few() : for_many(object_pixels, count);
+  const bool many = request.whole || views >= kManyViews;
+  FitRecipe out = request.whole ? for_whole(request.quality, object_pixels, count)
+                  : many        ? for_many(request.quality, object_pixels, count)
+                                : for_few();
   FitOptions& o = out.options;
   if (request.steps > 0) out.steps = request.steps;
-  if (views >= kManyViews) o.steps = out.steps;
+  if (many) out.judge_every = std::max(kLeastJudged, out.steps / kJudged);
+  if (many) o.steps = out.steps;
   o.grow_until = out.steps * 3 / 4;
   if (request.max_gaussians > 0) o.max_gaussians = request.max_gaussians;
   o.max_gaussians = std::max(o.max_gaussians, count);

@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "model/base/point_tree.h"
 #include "model/base/rng.h"
+#include "model/fit/fit_pictures.h"
+#include "model/views/seen_points.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/option.h"
@@ -15,13 +19,12 @@ namespace vsplat {
 namespace {
 
 constexpr std::size_t kNeighbours = 3;
-constexpr double kLowScale = 1e-4, kHighScale = 0.1;  // of the cube's edge
-constexpr float kOpacity = 0.1f;
-
-using Positions = PointRows;
+constexpr double kLowScale = 1e-4, kHighScale = 0.1;  // of the edge
+constexpr float kOpacity = 0.5f;
+constexpr long kTries = 2000;  // for each Gaussian of a random start
 
 // Mean distance of each position to its nearest neighbours, in the unit of `positions`.
-std::vector<double> neighbour_distances(const Positions& positions) {
+std::vector<double> neighbour_distances(const PointRows& positions) {
   const PointsForTree points{positions};
   const PointTree tree(3, points);
   std::vector<double> out;
@@ -37,33 +40,32 @@ std::vector<double> neighbour_distances(const Positions& positions) {
   return out;
 }
 
-// `positions`: relative to the cube's centre, in units of its edge.
-Scene round_ones(const Positions& positions, const std::vector<std::array<float, 3>>& colours,
-                 const Placement& placement) {
-  const auto n = static_cast<std::size_t>(positions.rows());
+}  // namespace
+
+Scene isotropic_scene(const StartPoints& points, const Placement& placement, double near, double high) {
+  const auto n = static_cast<std::size_t>(points.positions.rows());
   Scene out;
-  out.near = static_cast<float>(kNearInObject * placement.edge);
+  out.near = static_cast<float>(near);
   out.offset = offset_for(placement.centre, placement.edge);
   const Eigen::Vector3d centre = placement.centre - out.offset;
   Gaussians& g = out.gaussians;
   g.count = n;
   g.quats.assign(4 * n, 0.0f);
   g.opacities.assign(n, kOpacity);
-  const std::vector<double> distances = neighbour_distances(positions);
+  const std::vector<double> distances = neighbour_distances(points.positions);
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d at = centre + placement.edge * positions.row(static_cast<Eigen::Index>(i)).transpose();
-    const double size = placement.edge * std::clamp(distances[i], kLowScale, kHighScale);
+    const Eigen::Vector3d about = points.positions.row(static_cast<Eigen::Index>(i)).transpose();
+    const Eigen::Vector3d at = centre + placement.edge * about;
+    const double size = placement.edge * std::clamp(distances[i], kLowScale, high * std::max(1.0, about.norm()));
     g.quats[4 * i] = 1;
     for (std::size_t c = 0; c < 3; ++c) {
       g.means.push_back(static_cast<float>(at[static_cast<Eigen::Index>(c)]));
       g.scales.push_back(static_cast<float>(size));
-      g.sh.push_back(static_cast<float>((colours[i][c] - 0.5) / kShC0));
+      g.sh.push_back(static_cast<float>((points.colours[i][c] - 0.5) / kShC0));
     }
   }
   return out;
 }
-
-}  // namespace
 
 Scene scene_from_points(std::span<const ColoredPoint> points, const Placement& placement, long most) {
   std::vector<const ColoredPoint*> inside;
@@ -76,25 +78,83 @@ Scene scene_from_points(std::span<const ColoredPoint> points, const Placement& p
   const std::size_t n = most > 0 ? std::min(inside.size(), static_cast<std::size_t>(most)) : inside.size();
   info("{} of the {} points lie in the object's cube{}", inside.size(), points.size(),
        n < inside.size() ? fmt::format(", {} of them are used", n) : "");
-  Positions positions(static_cast<Eigen::Index>(n), 3);
-  std::vector<std::array<float, 3>> colours;
+  StartPoints start{PointRows(static_cast<Eigen::Index>(n), 3), {}};
   for (std::size_t i = 0; i < n; ++i) {
     const ColoredPoint& point = *inside[i * inside.size() / n];
-    positions.row(static_cast<Eigen::Index>(i)) = (point.position - placement.centre).transpose() / placement.edge;
-    colours.push_back({point.rgb[0] / 255.0f, point.rgb[1] / 255.0f, point.rgb[2] / 255.0f});
+    start.positions.row(static_cast<Eigen::Index>(i)) =
+        (point.position - placement.centre).transpose() / placement.edge;
+    start.colours.push_back({point.rgb[0] / 255.0f, point.rgb[1] / 255.0f, point.rgb[2] / 255.0f});
   }
-  return round_ones(positions, colours, placement);
+  return isotropic_scene(start, placement, kNearInObject * placement.edge, kHighScale);
 }
 
-Scene random_scene(const Placement& placement, long count, std::uint64_t seed) {
-  Positions positions(count, 3);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const auto random = philox4x32_10({static_cast<std::uint32_t>(i), 0, stream_of("fit.start"), 0}, rng_key(seed));
-    for (std::size_t c = 0; c < 3; ++c)
-      positions(i, static_cast<Eigen::Index>(c)) = static_cast<double>(uniform01(random[c])) - 0.5;
+namespace {
+
+// What small pictures show at a place.
+class Shown {
+ public:
+  Shown(const Photographs& photographs, const std::vector<int>& views) {
+    for (std::size_t i = 0; i < std::min(views.size(), kLookedAt); ++i)
+      pictures_.push_back(FitPictures(photographs, {}, kLookedAtPixels, 0)
+                              .at(views[i * views.size() / std::min(views.size(), kLookedAt)]));
   }
-  return round_ones(positions, std::vector<std::array<float, 3>>(static_cast<std::size_t>(count), {0.5f, 0.5f, 0.5f}),
-                    placement);
+
+  // The mean colour; nothing if the place is not on the object, or not seen often enough.
+  std::optional<std::array<float, 3>> at(const Eigen::Vector3d& place) const {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    std::size_t seen = 0;
+    for (const auto& picture : pictures_) {
+      const auto found = seen_at(picture->camera, place);
+      if (!found) continue;
+      const auto along = [](double x, int size) {
+        return static_cast<std::size_t>(std::min(static_cast<int>(x), size - 1));
+      };
+      const auto [w, h] = std::pair(picture->camera.width, picture->camera.height);
+      const std::uint8_t* rgba =
+          &picture->rgba[4 * (along(found->y(), h) * static_cast<std::size_t>(w) + along(found->x(), w))];
+      if (picture->masked && rgba[3] == 0) return std::nullopt;
+      for (int c = 0; c < 3; ++c) sum[c] += static_cast<float>(rgba[c] + 255 - rgba[3]) / 255.0f;
+      ++seen;
+    }
+    if (2 * seen < pictures_.size() || seen == 0) return std::nullopt;
+    sum /= static_cast<float>(seen);
+    return std::array{sum.x(), sum.y(), sum.z()};
+  }
+
+ private:
+  static constexpr std::size_t kLookedAt = 16;
+  static constexpr int kLookedAtPixels = 256;
+  std::vector<std::shared_ptr<const FitPicture>> pictures_;
+};
+
+}  // namespace
+
+Scene random_scene(const Placement& placement, long count, std::uint64_t seed, const Photographs& photographs,
+                   const std::vector<int>& views) {
+  const Shown shown(photographs, views);
+  std::vector<Eigen::Vector3d> places;
+  StartPoints start;
+  const auto place = [&](long number) {
+    const auto random =
+        philox4x32_10({static_cast<std::uint32_t>(number), 0, stream_of("fit.start"), 0}, rng_key(seed));
+    return Eigen::Vector3d(uniform01(random[0]) - 0.5, uniform01(random[1]) - 0.5, uniform01(random[2]) - 0.5);
+  };
+  for (long i = 0; i < kTries * count && static_cast<long>(places.size()) < count; ++i) {
+    const Eigen::Vector3d about = place(i);
+    if (const auto colour = shown.at(placement.centre + placement.edge * about)) {
+      places.push_back(about);
+      start.colours.push_back(*colour);
+    }
+  }
+  if (places.empty())
+    for (long i = 0; i < count; ++i) {
+      places.push_back(place(i));
+      start.colours.push_back({0.5f, 0.5f, 0.5f});
+    }
+  start.positions.resize(static_cast<Eigen::Index>(places.size()), 3);
+  for (std::size_t i = 0; i < places.size(); ++i)
+    start.positions.row(static_cast<Eigen::Index>(i)) = places[i].transpose();
+  return isotropic_scene(start, placement, kNearInObject * placement.edge, kHighScale);
 }
 
 }  // namespace vsplat

@@ -24,6 +24,7 @@ namespace {
 
 constexpr std::size_t kPictureCap = std::size_t{2} << 30;  // bytes of decoded pictures
 constexpr std::size_t kEvery = 8;                          // with many views, one in so many is held out
+constexpr int kHoldsOut = 5;                               // views of a whole scene from which on one is held out
 constexpr std::size_t kLookedAt = 8;                       // pictures sampled to represent all
 constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // Adam learning rates, decaying to a tenth over a phase
 constexpr long kUnjudgedSteps = 100;                       // limit for few views of which none is held out
@@ -63,7 +64,8 @@ std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, cons
   using Kind = FitHoldout::Kind;
   const FitHoldout& holdout = request.holdout;
   const int n = static_cast<int>(used.size());
-  if (holdout.kind == Kind::none || (holdout.kind == Kind::automatic && n < kManyViews)) return {};
+  const int least = request.whole ? kHoldsOut : kManyViews;
+  if (holdout.kind == Kind::none || (holdout.kind == Kind::automatic && n < least)) return {};
   if (holdout.kind == Kind::automatic) {
     const std::vector<int> others = without(used, request.spared);
     std::vector<int> out;
@@ -107,7 +109,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
-  const bool folds = request.holdout.kind == FitHoldout::Kind::automatic && held.empty();
+  const bool folds = request.holdout.kind == FitHoldout::Kind::automatic && held.empty() && !request.whole;
   if (folds && used.size() > 1)
     for (std::size_t i = 0; i < used.size(); ++i)
       legs.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
@@ -124,7 +126,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (from && !request.resume)
     fail(Status::usage, "{}: holds the state of a fit already; {} continues it, another folder begins again",
          fit_checkpoint_path(request.checkpoint), Option::fit_resume);
-  warn_of_background();
+  if (!request.whole) warn_of_background();
   if (from)
     go_on(*from);
   else
@@ -139,7 +141,7 @@ void SceneFit::Impl::warn_of_background() {
     if (!LoadedPhotograph(photographs, view).is_masked()) ++unmasked;
   if (unmasked == 0) return;
   for (const int view : spread(used, static_cast<int>(std::min(used.size(), kLookedAt))))
-    shares.push_back(shown_beside_cube(*pictures.at(view)));
+    shares.push_back(shown_beside_cube(*pictures.at(view), given.cube));
   if (const std::string text = doubts_about_cube(shares, unmasked, used.size()); !text.empty()) warn("{}", text);
 }
 
@@ -169,7 +171,7 @@ void SceneFit::Impl::begin_leg() {
   if (in_folds() && request.steps > 0)
     recipe.judge_every = request.steps;  // measure only after the requested number of steps
   if (unknown) leg_steps = 0;
-  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews)
+  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews && !request.whole)
     leg_steps = std::min(leg_steps, kUnjudgedSteps);
   if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // later steps are not compared
   if (legs.size() > 1 && !in_folds()) {  // as many steps as were best in the folds
@@ -194,32 +196,52 @@ void SceneFit::Impl::begin_leg() {
   if (leg_steps == 0) end_leg();
 }
 
-const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
-  const auto there = resident.find(view);
+int SceneFit::Impl::reduction_after(long step) const {
+  return step < recipe.half_from ? 4 : step < recipe.full_from ? 2 : 1;
+}
+
+const DeviceFitPicture& SceneFit::Impl::on_device(int view, int reduction) {
+  const auto there = resident.find({view, reduction});
   if (there != resident.end()) return there->second;
-  const std::shared_ptr<const FitPicture> picture = pictures.at(view);
+  std::shared_ptr<const FitPicture> picture = pictures.at(view);
+  if (reduction > 1) picture = std::make_shared<const FitPicture>(reduced(*picture, reduction));
   const std::size_t bytes = picture->rgba.size() + picture->known.size();
   if (resident_bytes + bytes > spare_bytes / 2) {
     passing = {};
     passing = upload(ctx, *picture);
     return passing;
   }
-  DeviceFitPicture& out = resident.emplace(view, upload(ctx, *picture)).first->second;
+  DeviceFitPicture& out = resident.emplace(std::pair(view, reduction), upload(ctx, *picture)).first->second;
   resident_bytes += bytes;
-  if (!in_folds()) pictures.forget(view);
+  if (!in_folds() && reduction == 1) pictures.forget(view);
   return out;
 }
 
 // The picture on the device, with its learnt pose correction.
-DeviceFitPicture SceneFit::Impl::corrected(int view) {
-  DeviceFitPicture out = on_device(view);
+DeviceFitPicture SceneFit::Impl::corrected(int view, int reduction) {
+  DeviceFitPicture out = on_device(view, reduction);
   if (const auto pose = poses.find(view); pose != poses.end()) out.camera.w2c = pose->second.w2c();
   return out;
 }
 
+// Frees the reduced pictures.
+void SceneFit::Impl::drop_reduced() {
+  for (auto each = resident.begin(); each != resident.end();) {
+    if (each->first.second > 1) {
+      resident_bytes -= each->second.given.bytes() + (each->second.known ? each->second.known.bytes() : 0);
+      each = resident.erase(each);
+    } else {
+      ++each;
+    }
+  }
+}
+
 // One step of the scene, and of the view's pose and exposure corrections.
 void SceneFit::Impl::step_on(int view) {
-  const DeviceFitPicture picture = corrected(view);
+  const long done = fitter->steps_done();
+  const int reduction = reduction_after(done);
+  if (done > 0 && reduction < reduction_after(done - 1)) drop_reduced();
+  const DeviceFitPicture picture = corrected(view, reduction);
   const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(leg_steps));
   std::array<double, 6> dpose{};
   FitAside aside;
@@ -283,7 +305,7 @@ void SceneFit::Impl::judge() {
   sum.psnr += here.psnr;
   sum.ssim += here.ssim;
   sum.pictures += here.pictures;
-  if (in_folds()) return;
+  if (in_folds() || request.whole) return;
   if (at > 0 && last_psnr > mean(curve.at(best_steps)).psnr) {
     best = fitter->gaussians();
     best_steps = at;
@@ -297,7 +319,8 @@ bool SceneFit::Impl::step() {
     const int view = view_of_step(fitter->steps_done());
     if (fitter->steps_done() + 1 < leg_steps) {
       const int next = view_of_step(fitter->steps_done() + 1);
-      if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
+      const int reduction = reduction_after(fitter->steps_done() + 1);
+      if (next != view && resident.count({next, reduction}) == 0) pictures.read_ahead(next);
     }
     step_on(view);
     const double took = seconds_since(begun);
@@ -356,7 +379,7 @@ void SceneFit::Impl::finish() {
   if (done) return;
   if (!in_folds()) {
     std::optional<Gaussians> made;
-    if (legs[leg].judges.empty() && fitter->steps_done() > 0) made = fitter->gaussians();
+    if ((request.whole || legs[leg].judges.empty()) && fitter->steps_done() > 0) made = fitter->gaussians();
     std::vector<FitScore> scores;
     if (fitter->steps_done() > 0)
       for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
@@ -413,8 +436,9 @@ FitResult SceneFit::result() {
   out.start = out.result = {std::nan(""), std::nan("")};
   std::optional<Gaussians> made = i.best;
   out.steps = i.best_steps;
-  // Fit in progress without held-out views: the current scene.
-  if (!i.done && !i.in_folds() && i.legs[i.leg].judges.empty() && i.fitter->steps_done() > 0) {
+  // Fit in progress whose best scene is the latest one.
+  const bool latest = i.request.whole || i.legs[i.leg].judges.empty();
+  if (!i.done && !i.in_folds() && latest && i.fitter->steps_done() > 0) {
     made = i.fitter->gaussians();
     out.steps = i.fitter->steps_done();
   }
@@ -454,7 +478,7 @@ Image SceneFit::picture(int view) {
 }
 
 Camera SceneFit::camera(int view) {
-  const auto there = impl_->resident.find(view);
+  const auto there = impl_->resident.find({view, 1});
   Camera camera = there != impl_->resident.end() ? there->second.camera : impl_->pictures.at(view)->camera;
   if (const auto pose = impl_->poses.find(view); pose != impl_->poses.end()) camera.w2c = pose->second.w2c();
   return to_frame(camera, impl_->to_world.inverse());

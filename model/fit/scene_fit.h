@@ -28,15 +28,20 @@ struct FitFreeze {
   bool means = false, scales = false, rotations = false, opacities = false, sh = false;
 };
 
+// Presets of the number of steps and the size of the pictures.
+enum class FitQuality { draft, normal, high };
+
 struct FitRequest {
   std::vector<std::string> names;  // the views to use, as in ViewRequest; empty: all that have a picture
   FitHoldout holdout;
   std::vector<int> spared;    // views that are held out only if they are named
-  long steps = 0;             // 0: depends on the number of views
+  long steps = 0;             // 0: depends on the number of views and the quality
   double seconds = 0;         // limit for the whole fit, as far as can be estimated; 0: no limit
   long max_gaussians = 0;     // 0: depends on the pictures
   std::optional<int> degree;  // of the spherical harmonics
   int longest = 512;          // pixels of a picture's longer side; 0: the picture's own size
+  FitQuality quality = FitQuality::draft;
+  bool whole = false;  // a whole scene rather than an object in its cube
   FitFreeze freeze;
   bool poses = false, exposure = false;
   std::uint64_t seed = 0;
@@ -47,11 +52,14 @@ struct FitRequest {
 };
 
 struct FitStart {
+  // The frame of the fit: its centre, and its unit of length as the edge. For an object that is its cube, unless the
+  // cube reaches beyond the cameras.
   Placement placement;
   // Returns the initial scene, in the world, made from what `views` show. Called for each set of views that is fitted.
   std::function<Scene(const std::vector<int>& views)> make;
   // Whether such a scene has seen nothing of the other views, so that an improvement on those is a real one.
   bool independent = false;
+  double cube = 1;  // edge of the object's cube about the centre, in units of the frame
 };
 
 struct FitProgress {

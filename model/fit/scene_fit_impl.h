@@ -43,8 +43,11 @@ struct SceneFit::Impl {
   void begin_leg();
   void end_leg();
   void judge();
-  const DeviceFitPicture& on_device(int view);
-  DeviceFitPicture corrected(int view);
+  // The factor by which pictures are reduced in the step after `step` steps.
+  int reduction_after(long step) const;
+  const DeviceFitPicture& on_device(int view, int reduction = 1);
+  DeviceFitPicture corrected(int view, int reduction = 1);
+  void drop_reduced();
   void step_on(int view);
   int view_of_step(long step) const;
   void warn_of_background();
@@ -81,7 +84,7 @@ struct SceneFit::Impl {
   std::vector<int> judged;
   std::map<int, PoseCorrection> poses;  // of the current phase, if requested
   std::map<int, ExposureCorrection> exposures;
-  std::map<int, DeviceFitPicture> resident;
+  std::map<std::pair<int, int>, DeviceFitPicture> resident;  // by view and reduction
   DeviceFitPicture passing;
   std::size_t resident_bytes = 0, spare_bytes = 0;  // device memory
 

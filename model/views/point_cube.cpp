@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <vector>
 
 #include "model/base/point_tree.h"
 #include "model/base/statistics.h"
+#include "model/views/seen_points.h"
 
 namespace vsplat {
 namespace {
@@ -17,8 +17,6 @@ using Eigen::Vector3d;
 using Positions = std::vector<Vector3d>;
 
 constexpr std::size_t kLeastPoints = 30, kMostPoints = 50000;  // of more, an even sample is used
-constexpr std::uint64_t kLeastTrack = 3;
-constexpr double kMostError = 2;  // pixels
 constexpr std::size_t kNeighbours = 8;
 constexpr double kThinner = 3;  // times the median distance to the last neighbour
 constexpr double kTrimmed = 0.002, kMargin = 1.05;
@@ -29,20 +27,6 @@ std::vector<ColoredPoint> even_sample(std::span<const ColoredPoint> points) {
   out.reserve(n);
   for (std::size_t i = 0; i < n; ++i) out.push_back(points[i * points.size() / n]);
   return out;
-}
-
-// Keeps the points for which `keep` is true, unless too few are left.
-void keep_where(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep) {
-  std::vector<ColoredPoint> kept;
-  std::copy_if(points.begin(), points.end(), std::back_inserter(kept), keep);
-  if (kept.size() >= std::max(kLeastPoints, points.size() / 10)) points = std::move(kept);
-}
-
-bool sees(const Camera& c, const Vector3d& point) {
-  const Vector3d p = c.w2c.topLeftCorner<3, 3>() * (point - c.centre());
-  if (!(p.z() > 0)) return false;
-  const double u = c.fx * p.x() / p.z() + c.cx, v = c.fy * p.y() / p.z() + c.cy;
-  return u >= 0 && u <= c.width && v >= 0 && v <= c.height;
 }
 
 // Removes points whose neighbours are much farther away than usual. Works relative to `offset` to keep the tree's
@@ -111,10 +95,10 @@ std::optional<PointCube> cube_of_points(std::span<const Camera> cameras, std::sp
                                         const std::optional<Vector3d>& centre) {
   std::vector<ColoredPoint> points = even_sample(all);
   if (points.size() < kLeastPoints || cameras.empty()) return std::nullopt;
-  keep_where(points, [](const ColoredPoint& p) { return p.track >= kLeastTrack && p.error <= kMostError; });
-  keep_where(points, [&](const ColoredPoint& p) {
-    const auto seen =
-        std::count_if(cameras.begin(), cameras.end(), [&](const Camera& c) { return sees(c, p.position); });
+  keep_reliable(points);
+  keep_unless_few(points, [&](const ColoredPoint& p) {
+    const auto seen = std::count_if(cameras.begin(), cameras.end(),
+                                    [&](const Camera& c) { return seen_at(c, p.position).has_value(); });
     return 2 * static_cast<std::size_t>(seen) >= cameras.size();
   });
   const Positions dense = dense_ones(points, points.front().position);

@@ -95,7 +95,7 @@ class Device(_Handle):
         told.call("reconstruct", self, _given(model, Model, "model"), _given(views, Input, "views"), c.byref(options), c.byref(handle))
         return Scene(handle)
 
-    def fit(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = 512, max_gaussians: int = 0,
+    def fit(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
                poses: bool = False, exposure: bool = False, seed: int = 0, progress: Progress | None = None) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
         or the model that makes one from the views; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;

@@ -27,9 +27,27 @@ extern "C" {
 typedef enum vsplat_fit_start {
   VSPLAT_FIT_SCENE = 0,   /* `scene`. It may have seen every picture, so no gain over it is claimed */
   VSPLAT_FIT_NETWORK = 1, /* what `model` makes of `input`'s views, without those held out */
-  VSPLAT_FIT_POINTS = 2,  /* the points of the views' COLMAP model that lie in the object's cube */
-  VSPLAT_FIT_RANDOM = 3   /* random points in the object's cube, by the seed */
+  VSPLAT_FIT_POINTS = 2,  /* the sparse points of the views: those in the object's cube, or for a whole scene all that
+                             are reliable, and some Gaussians far away where pictures show no points */
+  VSPLAT_FIT_RANDOM = 3,  /* random points in the object's cube, or where the pictures look, by the seed */
+  VSPLAT_FIT_AUTO = 4     /* for a whole scene its points, or random ones if it has none. For an object the network if
+                             `model` is given and fewer than 12 views are used, else its points, else random ones */
 } vsplat_fit_start;
+
+/* Presets: number of steps for a whole scene, or an object with 12 views or more, and the pictures' size. */
+typedef enum vsplat_fit_quality {
+  VSPLAT_QUALITY_DRAFT = 0,  /* 2,000 steps, longer side of 512 pixels */
+  VSPLAT_QUALITY_NORMAL = 1, /* 7,000 steps, 1,024 pixels */
+  VSPLAT_QUALITY_HIGH = 2    /* 30,000 steps, 1,600 pixels */
+} vsplat_fit_quality;
+
+/* What is fitted. */
+typedef enum vsplat_fit_extent {
+  VSPLAT_EXTENT_AUTO = 0,   /* the whole scene, unless the start is the network, a cube is given or listed, or pictures
+                               have masks or alpha */
+  VSPLAT_EXTENT_OBJECT = 1, /* an object: Gaussians begin in its cube, and what pictures show outside is white */
+  VSPLAT_EXTENT_SCENE = 2   /* all that the pictures show. The frame follows from the cameras */
+} vsplat_fit_extent;
 
 typedef enum vsplat_holdout {
   VSPLAT_HOLDOUT_AUTO = 0,  /* with 12 views or more, every eighth; with fewer, each is left out in turn */
@@ -77,14 +95,14 @@ typedef struct vsplat_fit_options {
   int32_t holdout_count;
   const char* const* holdout_names; /* [num_holdout_names] */
   size_t num_holdout_names;
-  int64_t steps;  /* 0: chosen by the number of views; with few, the number that is best for views left out */
+  int64_t steps;  /* 0: by `quality`; for an object with few views, the number that is best for views left out */
   double seconds; /* time limit, 0: none. No step begins that would end later, counting the measurement that follows it
                      and the one at the end; making the start and measuring count too */
   uint64_t max_gaussians; /* limit of growth; 0: chosen from the pictures; with few views the scene does not grow. For
                              VSPLAT_FIT_POINTS and _RANDOM it also limits the number at the start */
   int32_t sh_degree;      /* 0 to 3; -1: the start's with few views, at least 2 with many */
-  int32_t longest;        /* longer side of the pictures in pixels, scaled down by area; 0: unscaled */
-  uint32_t freeze;        /* bits of vsplat_freeze */
+  int32_t longest; /* longer side of the pictures in pixels, scaled down by area; 0: unscaled; -1: by `quality` */
+  uint32_t freeze; /* bits of vsplat_freeze */
   uint64_t seed;
   int32_t poses;          /* 1: also corrects the cameras of fitted views slightly (_get_view, _save_cameras) */
   int32_t exposure;       /* 1: fits an affine colour map for each fitted picture, dropped at the end */
@@ -92,11 +110,16 @@ typedef struct vsplat_fit_options {
                              equal bits; NULL: none */
   int32_t resume;         /* 1: resume from `checkpoint` if it holds a state; that must be of the same request and the
                              same tuned parameters (vsplat_device_info.tuning) */
+  vsplat_fit_extent extent;
+  double
+      near_plane; /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole scene a
+                        hundredth of the distance to the nearest points that the pictures show */
+  vsplat_fit_quality quality;
 } vsplat_fit_options;
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, 512, 0, 0, 0, 0, NULL, 0                                                                           \
+        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT                             \
   }
 
 /* A fit in progress. Belongs to its device. */
@@ -165,7 +188,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_view(vsplat_fit fit, si
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_save_cameras(vsplat_fit fit, const char* path);
 
 /* Plans the device memory of a step and of measuring, beside what the device holds already: `gaussians` of `sh_degree`
-   after all growth, pictures of width x height. Assumes that each Gaussian is visible and touches eight tiles of 16 x 16 pixels. */
+   after all growth, pictures of width x height. Assumes that each Gaussian is visible and touches eight tiles of
+   16 x 16 pixels. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t sh_degree,
                                                           int32_t width, int32_t height, vsplat_plan* out_plan);
 

@@ -1,0 +1,82 @@
+#include "model/api/whole_source.h"
+
+#include <algorithm>
+
+#include "model/api/scene.h"
+#include "model/fit/whole_start.h"
+#include "model/views/listed_points.h"
+#include "model/views/pose_check.h"
+#include "model/views/view_choice.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+#include "runtime/option.h"
+
+namespace vsplat::api {
+namespace {
+
+constexpr int kLookedAt = 8;
+
+bool has_cube(const ViewSet& set, const InputRequest& input) {
+  const PlacementRequest& p = input.placement;
+  return p.centre || p.edge || p.auto_frame || set.aabb_center || set.aabb_half;
+}
+
+}  // namespace
+
+bool is_whole(const Photographs& photographs, const vsplat_fit_options& o, const InputRequest& input,
+              const std::vector<int>& used) {
+  switch (value_of(o.extent)) {
+    case VSPLAT_EXTENT_OBJECT:
+      return false;
+    case VSPLAT_EXTENT_SCENE:
+      if (value_of(o.start) == VSPLAT_FIT_NETWORK)
+        fail(Status::usage, "{}: the network makes an object in its cube, so that a whole scene cannot start from it",
+             Option::fit_extent);
+      if (input.placement.centre || input.placement.edge || input.placement.auto_frame)
+        fail(Status::usage, "{}, {} and {} place an object's cube: a whole scene has none", Option::center,
+             Option::scale, Option::auto_frame);
+      return true;
+    case VSPLAT_EXTENT_AUTO:
+      break;
+    default:
+      fail(Status::usage, "options.extent is {}, not a value of vsplat_fit_extent", value_of(o.extent));
+  }
+  if (value_of(o.start) == VSPLAT_FIT_NETWORK || has_cube(photographs.set, input)) return false;
+  const std::vector<int> some = spread_views(photographs.set, used, kLookedAt);
+  return std::none_of(some.begin(), some.end(),
+                      [&](int view) { return LoadedPhotograph(photographs, view).is_masked(); });
+}
+
+FitSource whole_source(const Photographs& photographs, const vsplat_fit_options& o, const std::vector<int>& used) {
+  std::vector<Camera> cameras;
+  cameras.reserve(used.size());
+  for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
+  WholeStart start;
+  start.most = static_cast<long>(o.max_gaussians);
+  start.seed = o.seed;
+  const auto from = static_cast<vsplat_fit_start>(value_of(o.start));
+  if (from == VSPLAT_FIT_POINTS) start.points = points_of(photographs);
+  if (from == VSPLAT_FIT_AUTO)
+    if (std::optional<ListedPoints> found = listed_points(photographs.set)) start.points = std::move(found->points);
+  keep_reliable(start.points);
+  start.frame = scene_frame(cameras, start.points);
+  if (o.near_plane > 0) start.frame.near = o.near_plane;
+  info("{}", start.frame.found);
+  warn_of_one_place(photographs.set.source.string(), cameras);
+  if (const std::string text = cut_by_near(cameras, start.points, start.frame.near); !text.empty()) warn("{}", text);
+  FitSource out;
+  out.whole = true;
+  out.start.placement = start.frame.placement;
+  if (from == VSPLAT_FIT_SCENE) {
+    need(o.scene, "options.scene");
+    const std::shared_ptr<const Scene> scene = o.scene->now();
+    out.start.make = [scene](const std::vector<int>&) { return *scene; };
+    return out;
+  }
+  out.start.make = [start = std::move(start), &photographs](const std::vector<int>& views) {
+    return whole_scene(start, photographs, views);
+  };
+  return out;
+}
+
+}  // namespace vsplat::api

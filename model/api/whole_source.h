@@ -1,0 +1,18 @@
+// What a fit of a whole scene starts from.
+#pragma once
+#include <vector>
+
+#include "model/api/fit_source.h"
+#include "model/views/input.h"
+
+namespace vsplat::api {
+
+// Whether the fit is of a whole scene. VSPLAT_EXTENT_AUTO: unless the start is the network, a cube is given or listed,
+// or pictures have masks or alpha. Error(usage) if a whole scene is requested together with a cube or the network.
+bool is_whole(const Photographs& photographs, const vsplat_fit_options& o, const InputRequest& input,
+              const std::vector<int>& used);
+
+// As fit_source(). `photographs` must outlive what is returned.
+FitSource whole_source(const Photographs& photographs, const vsplat_fit_options& o, const std::vector<int>& used);
+
+}  // namespace vsplat::api

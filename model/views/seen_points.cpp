@@ -1,0 +1,32 @@
+#include "model/views/seen_points.h"
+
+#include <algorithm>
+
+namespace vsplat {
+namespace {
+
+constexpr std::uint64_t kLeastTrack = 3;
+constexpr double kMostError = 2;  // pixels
+constexpr std::size_t kLeastPoints = 30;
+
+}  // namespace
+
+std::optional<Eigen::Vector3d> seen_at(const Camera& c, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d p = c.w2c.topLeftCorner<3, 3>() * (point - c.centre());
+  if (!(p.z() > 0)) return std::nullopt;
+  const double u = c.fx * p.x() / p.z() + c.cx, v = c.fy * p.y() / p.z() + c.cy;
+  if (!(u >= 0 && u <= c.width && v >= 0 && v <= c.height)) return std::nullopt;
+  return Eigen::Vector3d(u, v, p.z());
+}
+
+void keep_unless_few(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep) {
+  std::vector<ColoredPoint> kept;
+  std::copy_if(points.begin(), points.end(), std::back_inserter(kept), keep);
+  if (kept.size() >= std::max(kLeastPoints, points.size() / 10)) points = std::move(kept);
+}
+
+void keep_reliable(std::vector<ColoredPoint>& points) {
+  keep_unless_few(points, [](const ColoredPoint& p) { return p.track >= kLeastTrack && p.error <= kMostError; });
+}
+
+}  // namespace vsplat

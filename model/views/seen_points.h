@@ -1,0 +1,22 @@
+// Sparse points as cameras see them.
+#pragma once
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "model/base/camera.h"
+#include "model/io/views/colmap_points.h"
+
+namespace vsplat {
+
+// Position (u, v) of a point in the undistorted picture, in pixels, and its depth; nothing if the point is behind the
+// camera or outside the picture.
+std::optional<Eigen::Vector3d> seen_at(const Camera& camera, const Eigen::Vector3d& point);
+
+// Keeps the points for which `keep` is true, unless fewer than a tenth of them, or fewer than 30, would be left.
+void keep_unless_few(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep);
+
+// Keeps the points that at least three pictures see, with an error of at most two pixels, unless few would be left.
+void keep_reliable(std::vector<ColoredPoint>& points);
+
+}  // namespace vsplat

@@ -1,0 +1,88 @@
+"""vsplat fit for whole scenes: an object before its background, from photographs without masks."""
+import json
+import math
+import os
+import unittest
+
+import support
+
+NEAR_BALL, WALL = 40, 160
+
+
+def scene():
+    """A ball of many colours before a wall with stripes, which no cube about the ball holds."""
+    ball = [((0.25 * math.sin(i), 0.25 * math.cos(2.3 * i), 0.25 * math.sin(5.1 * i)), (0.5 + 0.5 * math.sin(i), 0.6, 0.3), 0.08, 0.9)
+            for i in range(NEAR_BALL)]
+    wall = [((-3.75 + 0.5 * (i % 16), -2.25 + 0.5 * (i // 16), -4), (0.2, 0.3, 0.9) if i % 3 else (0.9, 0.8, 0.1), 0.3, 0.95) for i in range(WALL)]
+    return ball, wall
+
+
+class FitScene(support.Case):
+    def setUp(self):
+        super().setUp()
+        ball, wall = scene()
+        support.write_scene(self.path("truth.ply"), ball + wall)
+        frames = [{"file_path": f"images/{i:04}.png", "transform_matrix": support.camera_to_world(6 * i - 33, 2.5)} for i in range(12)]
+        self.list = {"fl_x": 40, "fl_y": 40, "cx": 24, "cy": 18, "w": 48, "h": 36, "frames": frames}
+        self.write_list("transforms.json", self.list)
+        self.succeeds("render", self.path("truth.ply"), "--cameras", self.path("transforms.json"), "--images", self.path("images"), "--quiet",
+                      "--background", "black")
+        self.write_points(ball + wall)
+
+    def write_list(self, name, content):
+        with open(self.path(name), "w") as f:
+            json.dump(content, f)
+
+    def write_points(self, splats):
+        head = f"ply\nformat ascii 1.0\nelement vertex {len(splats)}\n"
+        head += "".join(f"property float {n}\n" for n in "xyz") + "".join(f"property uchar {n}\n" for n in ("red", "green", "blue")) + "end_header\n"
+        with open(self.path("points.ply"), "w") as f:
+            f.write(head + "".join(" ".join(map(str, (*at, *(round(255 * c) for c in colour)))) + "\n" for at, colour, *_ in splats))
+
+    def fit(self, *more, views="transforms.json", output="out.ply"):
+        return ("fit", self.path(views), "--output", self.path(output), "--steps", 300, "--seed", 3, *more)
+
+    def told(self, *arguments):
+        out, err = self.succeeds(*arguments, "--json")
+        return json.loads(out), err
+
+    def test_without_masks_the_whole_scene_is_fitted(self):
+        whole, err = self.told(*self.fit())
+        self.assertIn("the whole scene: centre", err)
+        self.assertEqual(len(whole["judged_on"]), 2)
+        self.assertGreater(whole["result"]["psnr"], 19)
+        same, _ = self.told(*self.fit("--scene", output="same.ply"))
+        self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("same.ply"), "rb").read())
+        cube, err = self.told(*self.fit("--object", "--start", "random", output="object.ply"))
+        self.assertIn("the object's cube: centre", err)
+        self.assertGreater(whole["result"]["psnr"], cube["result"]["psnr"] + 1)
+
+    def test_points_make_the_start_and_better_scenes(self):
+        without, _ = self.told(*self.fit("--steps", 40))
+        self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
+        listed, err = self.told(*self.fit("--steps", 40, views="listed.json"))
+        self.assertIn(f"starts from {NEAR_BALL + WALL} points", err)
+        self.assertGreater(listed["result"]["psnr"], without["result"]["psnr"])
+
+    def test_a_near_plane_that_cuts_points_is_warned_of(self):
+        self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
+        _, err = self.succeeds(*self.fit("--steps", 1, "--near", 4, views="listed.json"))
+        self.assertRegex(err, r"cuts away \d+ of the 200 points .* --near")
+        _, err = self.succeeds(*self.fit("--steps", 1, "--near", 0.5, views="listed.json"), "--overwrite")
+        self.assertNotIn("cuts away", err)
+        with open(self.path("out.ply"), "rb") as f:
+            self.assertIn(b"comment vsplat near 0.5\n", f.read(2000))
+
+    def test_what_is_refused(self):
+        self.refuses(2, "--object and --scene exclude each other", *self.fit("--object", "--scene"))
+        self.refuses(2, ["--center", "--scale", "whole scene"], *self.fit("--scene", "--scale", 2))
+        self.refuses(2, ["--scene", "network"], *self.fit("--scene", "--start", "network"))
+        for frame in self.list["frames"]:
+            frame["transform_matrix"] = self.list["frames"][0]["transform_matrix"]
+        self.write_list("one.json", self.list)
+        self.refuses(1, ["one place", "one.json"], *self.fit("--scene", views="one.json"))
+        self.assertFalse(os.path.exists(self.path("out.ply")))
+
+
+if __name__ == "__main__":
+    unittest.main()
