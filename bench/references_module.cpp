@@ -67,9 +67,33 @@ struct OneDnn {
   }
 };
 
+// What versions 2 (Debian 12) and 3 (Debian 13) spell differently: version 3 passes an operation's arguments to its
+// primitive_desc without a description between them, and its element-wise operations have no scale.
+#if DNNL_VERSION_MAJOR >= 3
+using Softmax = dnnl::softmax_forward;
+#else
+using Softmax = dnnl::softmax_v2_forward;
+#endif
+template <class Primitive, class... Arguments>
+typename Primitive::primitive_desc described(const dnnl::engine& engine, const dnnl::primitive_attr& attributes,
+                                             const Arguments&... arguments) {
+#if DNNL_VERSION_MAJOR >= 3
+  return {engine, arguments..., attributes};
+#else
+  return {typename Primitive::desc(arguments...), attributes, engine};
+#endif
+}
+void append_eltwise(dnnl::post_ops& ops, dnnl::algorithm what, float alpha) {
+#if DNNL_VERSION_MAJOR >= 3
+  ops.append_eltwise(what, alpha, 0.0f);
+#else
+  ops.append_eltwise(1.0f, what, alpha, 0.0f);
+#endif
+}
+
 void append_activation(dnnl::post_ops& ops, int activation) {
-  if (activation == 1) ops.append_eltwise(1.0f, dnnl::algorithm::eltwise_gelu_erf, 0.0f, 0.0f);
-  if (activation == 2) ops.append_eltwise(1.0f, dnnl::algorithm::eltwise_swish, 1.0f, 0.0f);
+  if (activation == 1) append_eltwise(ops, dnnl::algorithm::eltwise_gelu_erf, 0.0f);
+  if (activation == 2) append_eltwise(ops, dnnl::algorithm::eltwise_swish, 1.0f);
 }
 
 Task onednn_product(const VsplatProduct& p) {
@@ -82,10 +106,10 @@ Task onednn_product(const VsplatProduct& p) {
   dnnl::primitive_attr attributes;
   attributes.set_post_ops(ops);
   const memory bias = p.bias ? d->lying({1, p.n}, {p.n, 1}, p.bias) : memory();
-  const dnnl::matmul::desc description =
-      p.bias ? dnnl::matmul::desc(a.get_desc(), OneDnn::any({p.k, p.n}), bias.get_desc(), out.get_desc())
-             : dnnl::matmul::desc(a.get_desc(), OneDnn::any({p.k, p.n}), out.get_desc());
-  const dnnl::matmul::primitive_desc desc(description, attributes, d->engine);
+  const memory::desc weights = OneDnn::any({p.k, p.n});
+  const auto desc =
+      p.bias ? described<dnnl::matmul>(d->engine, attributes, a.get_desc(), weights, bias.get_desc(), out.get_desc())
+             : described<dnnl::matmul>(d->engine, attributes, a.get_desc(), weights, out.get_desc());
   std::unordered_map<int, memory> arguments = {
       {DNNL_ARG_SRC, a}, {DNNL_ARG_WEIGHTS, d->brought(w, desc.weights_desc())}, {DNNL_ARG_DST, out}};
   if (p.bias) arguments[DNNL_ARG_BIAS] = bias;
@@ -110,21 +134,20 @@ Task onednn_convolution(const VsplatConvolution& c) {
   dnnl::primitive_attr attributes;
   attributes.set_post_ops(ops);
   const auto any = [&](long channels) { return OneDnn::any({1, channels, s, s, s}); };
-  const auto described = [&](const memory::desc& from, const memory::desc& to, const dnnl::primitive_attr& with) {
-    return dnnl::convolution_forward::primitive_desc(
-        dnnl::convolution_forward::desc(dnnl::prop_kind::forward_inference, dnnl::algorithm::convolution_auto, from,
-                                        OneDnn::any({c.cout, c.cin, 3, 3, 3}), bias.get_desc(), to, {1, 1, 1},
-                                        {1, 1, 1}, {1, 1, 1}),
-        with, d->engine);
+  const auto between = [&](const memory::desc& from, const memory::desc& to, const dnnl::primitive_attr& with) {
+    const Dims ones = {1, 1, 1};  // strides, and padding at either end
+    return described<dnnl::convolution_forward>(
+        d->engine, with, dnnl::prop_kind::forward_inference, dnnl::algorithm::convolution_auto, from,
+        OneDnn::any({c.cout, c.cin, 3, 3, 3}), bias.get_desc(), to, ones, ones, ones);
   };
   // The layouts that it chooses without a residual, which then lies as the result does.
-  const auto plain = described(any(c.cin), any(c.cout), {});
+  const auto plain = between(any(c.cin), any(c.cout), {});
   if (c.residual) {
     dnnl::post_ops adding;
     adding.append_binary(dnnl::algorithm::binary_add, plain.dst_desc());
     attributes.set_post_ops(adding);
   }
-  const auto desc = described(plain.src_desc(), plain.dst_desc(), attributes);
+  const auto desc = between(plain.src_desc(), plain.dst_desc(), attributes);
   const memory result = d->like(desc.dst_desc());
   std::unordered_map<int, memory> arguments = {{DNNL_ARG_SRC, d->brought(x, desc.src_desc())},
                                                {DNNL_ARG_WEIGHTS, d->brought(w, desc.weights_desc())},
@@ -148,16 +171,16 @@ Task onednn_attention(const VsplatAttention& a) {
                k = d->lying({a.v, a.h, a.d, a.t}, {a.t * row, a.d, 1, row}, a.qkv + a.h * a.d),
                out = d->lying({a.v, a.h, a.t, a.d}, {a.t * a.h * a.d, a.d, a.h * a.d, 1}, a.out),
                scores = d->like({{a.v, a.h, a.t, a.t}, memory::data_type::f32, memory::format_tag::abcd});
+  dnnl::post_ops scale;
+  append_eltwise(scale, dnnl::algorithm::eltwise_linear, static_cast<float>(1 / std::sqrt(static_cast<double>(a.d))));
   dnnl::primitive_attr scaled;
-  scaled.set_output_scales(0, {static_cast<float>(1 / std::sqrt(static_cast<double>(a.d)))});
-  const dnnl::matmul::primitive_desc first(dnnl::matmul::desc(q.get_desc(), k.get_desc(), scores.get_desc()), scaled,
-                                           d->engine);
-  const dnnl::softmax_forward::primitive_desc softmax(
-      dnnl::softmax_forward::desc(dnnl::prop_kind::forward_inference, scores.get_desc(), 3), d->engine);
-  const dnnl::matmul::primitive_desc second(dnnl::matmul::desc(scores.get_desc(), v.get_desc(), out.get_desc()),
-                                            d->engine);
+  scaled.set_post_ops(scale);
+  const auto first = described<dnnl::matmul>(d->engine, scaled, q.get_desc(), k.get_desc(), scores.get_desc());
+  const auto softmax = described<Softmax>(d->engine, {}, dnnl::prop_kind::forward_inference,
+                                          dnnl::algorithm::softmax_accurate, scores.get_desc(), scores.get_desc(), 3);
+  const auto second = described<dnnl::matmul>(d->engine, {}, scores.get_desc(), v.get_desc(), out.get_desc());
   d->steps = {{dnnl::matmul(first), {{DNNL_ARG_SRC, q}, {DNNL_ARG_WEIGHTS, k}, {DNNL_ARG_DST, scores}}},
-              {dnnl::softmax_forward(softmax), {{DNNL_ARG_SRC, scores}, {DNNL_ARG_DST, scores}}},
+              {Softmax(softmax), {{DNNL_ARG_SRC, scores}, {DNNL_ARG_DST, scores}}},
               {dnnl::matmul(second), {{DNNL_ARG_SRC, scores}, {DNNL_ARG_WEIGHTS, v}, {DNNL_ARG_DST, out}}}};
   return {[d] { d->run(); }, [] {}};
 }

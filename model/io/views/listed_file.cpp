@@ -11,6 +11,7 @@
 
 #include "model/io/any_case.h"
 #include "model/io/reader/percent.h"
+#include "model/io/views/unicode_form.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"
 
@@ -104,11 +105,22 @@ bool is_near(const std::string& a, const std::string& b, std::size_t apart) {
   return !numbers.empty() || apart <= std::max<std::size_t>(1, a.size() / 4);
 }
 
-// Pictures in or below the folder with names similar to `file`: at most three, the most similar first.
-std::vector<std::string> near_names(const fs::path& folder, const std::string& file) {
+// Without a picture's ending, in lower case.
+std::string plain(const fs::path& path) { return lower_case((path.parent_path() / picture_stem(path)).string()); }
+
+struct NearNames {
+  std::vector<std::string> similar;  // at most three, the most similar first
+  std::string in_other_form;         // the same name, perhaps, in another Unicode form; "" if there is none
+};
+
+// Pictures in or below the folder with names similar to the listed one.
+NearNames near_names(const fs::path& folder, const fs::path& listed) {
   std::vector<std::pair<std::size_t, std::string>> near;
-  const std::string wanted = lower_case(picture_stem(file));
-  if (wanted.size() > 255) return {};
+  std::vector<std::string> tails;
+  for (const fs::path& tail : tails_of(listed)) tails.push_back(plain(tail));
+  const std::string wanted = plain(listed.filename());
+  NearNames out;
+  if (wanted.size() > 255) return out;
   std::error_code error;
   int seen = 0;
   for (fs::recursive_directory_iterator at(folder, fs::directory_options::skip_permission_denied, error), end;
@@ -116,16 +128,21 @@ std::vector<std::string> near_names(const fs::path& folder, const std::string& f
     const std::string name = at->path().filename().string();
     if (name.front() == '.' || at.depth() >= deepest_looked) at.disable_recursion_pending();
     if (name.front() == '.' || !has_picture_ending(at->path())) continue;
-    const std::string own = lower_case(picture_stem(name));
+    const std::string own = plain(name), below = plain(at->path().lexically_relative(folder));
     if (own.size() > 255) continue;
+    if (std::any_of(tails.begin(), tails.end(),
+                    [&](const std::string& tail) { return may_differ_in_form_only(tail, below); })) {
+      if (const std::string path = printable(at->path().string());
+          out.in_other_form.empty() || path < out.in_other_form)
+        out.in_other_form = path;
+      continue;
+    }
     const std::size_t apart = letters_apart(wanted, own);
     if (is_near(wanted, own, apart)) near.emplace_back(apart, at->path().string());
   }
   std::sort(near.begin(), near.end());
   if (near.size() > 3) near.resize(3);
-  std::vector<std::string> out;
-  out.reserve(near.size());
-  for (auto& [apart, path] : near) out.push_back(printable(path));
+  for (auto& [apart, path] : near) out.similar.push_back(printable(path));
   return out;
 }
 
@@ -231,20 +248,27 @@ std::string ListedFiles::where_looked(const std::string& name) {
   std::vector<std::string> places, near;
   std::error_code error;
   std::string other;  // a folder or special file of that name, which cannot be read
-  const std::string file = fs::path(slashed(name)).filename().string();
+  std::string in_other_form;
   for (const fs::path& folder : folders_) {
     if (!fs::is_directory(folder.empty() ? "." : folder, error)) continue;
     places.push_back(printable(folder.empty() ? "." : folder.string()));
     if (const fs::path there = folder / fs::path(slashed(name)).relative_path();
         !name.empty() && fs::exists(there, error) && !fs::is_regular_file(there, error))
       other = printable(there.string());
-    for (std::string& path : near_names(folder.empty() ? "." : folder, file))
+    NearNames names = near_names(folder.empty() ? "." : folder, slashed(name));
+    if (in_other_form.empty()) in_other_form = std::move(names.in_other_form);
+    for (std::string& path : names.similar)
       if (near.size() < 3 && std::find(near.begin(), near.end(), path) == near.end()) near.push_back(std::move(path));
   }
   std::string out =
       fmt::format("looked for {} in {}, also by the end of its path, with other endings and in other case",
                   printable(name), places.empty() ? "no folder" : fmt::format("{}", fmt::join(places, " and ")));
   if (!other.empty()) out += fmt::format("; {} is not a regular file", other);
+  if (!in_other_form.empty())
+    out += fmt::format(
+        "; {} is perhaps the same name in another Unicode form (letters and accents composed, or decomposed as macOS "
+        "writes them): rename it, or list it as the folder has it",
+        in_other_form);
   if (!near.empty()) out += fmt::format("; near it: {}", fmt::join(near, ", "));
   return out;
 }

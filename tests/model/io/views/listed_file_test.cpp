@@ -127,5 +127,31 @@ TEST_F(ListedFile, SaysWhereItLookedAndWhatIsNear) {
   EXPECT_EQ(text.find("0002.png"), std::string::npos) << "another number is another picture: " << text;
 }
 
+// Nothing but bytes tells "ä" from "a" and a combining diaeresis. A name in the other form is not taken, but named.
+TEST_F(ListedFile, SaysWhichNameDiffersInItsUnicodeFormOnly) {
+  struct Pair {
+    const char *composed, *decomposed;
+  };
+  const Pair pairs[] = {{"k\u00e4se.png", "ka\u0308se.png"}, {"K\u00e4se/1.png", "Ka\u0308se/1.png"},
+                        {"\u1ebf.png", "e\u0302\u0301.png"}, {"\u00ea\u0301.png", "e\u0302\u0301.png"},
+                        {"\u30ac.png", "\u30ab\u3099.png"},  {"\ud55c.png", "\u1112\u1161\u11ab.png"}};
+  for (const Pair& pair : pairs) {
+    for (const auto& [listed, there] : {pair, Pair{pair.decomposed, pair.composed}}) {
+      const test::ViewFolder own;
+      own.touch(there);
+      ListedFiles files({own.path()});
+      EXPECT_TRUE(files.find(listed).path.empty()) << listed;
+      const std::string advice = (own / there).string() + " is perhaps the same name in another Unicode form";
+      for (const std::string& name : {std::string(listed), "set/" + std::string(listed)})
+        EXPECT_NE(files.where_looked(name).find(advice), std::string::npos) << files.where_looked(name);
+    }
+  }
+  folder.touch("ka\u0308se.png");
+  for (const char* other : {"k\u00e4s.png", "kase.png", "kas\u00e9.png", "ko\u0308se.png", "k\u00e4se2.png"}) {
+    const std::string text = ListedFiles({folder.path()}).where_looked(other);
+    EXPECT_EQ(text.find("Unicode form"), std::string::npos) << text;
+  }
+}
+
 }  // namespace
 }  // namespace vsplat
