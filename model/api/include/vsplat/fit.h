@@ -92,11 +92,13 @@ typedef struct vsplat_fit_options {
                              equal bits; NULL: none */
   int32_t resume;         /* 1: resume from `checkpoint` if it holds a state; that must be of the same request and the
                              same tuned parameters (vsplat_device_info.tuning) */
+  int32_t antialias;      /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
+                             vsplat_scene_info.antialias; a start that has it is always fitted so */
 } vsplat_fit_options;
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, 512, 0, 0, 0, 0, NULL, 0                                                                           \
+        0.0, 0, -1, 512, 0, 0, 0, 0, NULL, 0, 0                                                                        \
   }
 
 /* A fit in progress. Belongs to its device. */
