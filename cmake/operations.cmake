@@ -53,6 +53,7 @@ set(VSPLAT_OPERATIONS
   fit/muon
   fit/picture_target
   fit/splat_adam
+  fit/splat_filter
   fit/splat_parameters
   fit/splat_relocate
   fit/surface_loss

@@ -16,7 +16,7 @@
   /* the network's selection */                                                                                      \
   X(assume_selected) X(selection) X(selection_seed)                                                                  \
   /* scenes and drawing */                                                                                           \
-  X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)               \
+  X(antialias) X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)  \
   /* a fit */                                                                                                        \
   X(fit_checkpoint) X(fit_extent) X(fit_resume) X(fit_views) X(freeze) X(holdout_count) X(holdout_names) X(longest)   \
   X(max_gaussians) X(near_plane)                                                                                                   \

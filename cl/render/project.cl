@@ -9,6 +9,8 @@
 // sh            f32   [K,S,3]  spherical harmonics, S = 1, 4, 9 or 16 coefficients
 // views         f32   [..,32]  cameras; `view` is the index of the one in use
 // define WIDTH                 Gaussians of a work-item, 1 or 16
+// define ANTIALIAS             opacities are multiplied by sqrt(D / det), below: what is smaller than a pixel fades
+//                              instead of growing (Mip-Splatting, Yu et al. 2024)
 // work-items    one per WIDTH Gaussians, in both kernels
 // ```
 // A camera's numbers:
@@ -23,17 +25,17 @@
 // 22 .. 24  the point that colours are seen from
 // 25 .. 27  its rounding error
 // ```
-// The covariance [a b; b c] of a Gaussian in the picture has the determinant det = |s1 x s2|^2 + 0.3 (a + c) + 0.09,
-// with a and c before 0.3 is added to them, by the cross product of the Jacobian's rows: exact for needles and discs,
-// where a c - b^2 is not.
+// The covariance [a b; b c] of a Gaussian in the picture has the determinant det = D + 0.3 (a + c) + 0.09, with a and c
+// before 0.3 is added to them, and D = |s1 x s2|^2, the determinant before that, by the cross product of the Jacobian's
+// rows: exact for needles and discs, where a c - b^2 is not.
 #include "project.clh"
 
 #define DILATION 0.3f
 
 // The Gaussian in the picture: covariance [a b; b c] in pixels^2 about (u, v), its determinant, and (a - c) / 2 without
-// the rounding of the 0.3 that is added to both.
+// the rounding of the 0.3 that is added to both; and its opacity there.
 typedef struct {
-  real u, v, z, a, b, c, det, half_diff;
+  real u, v, z, a, b, c, det, half_diff, opacity;
 } Shape;
 
 static inline Shape shape_of(Batch g, global const float* camera) {
@@ -59,12 +61,17 @@ static inline Shape shape_of(Batch g, global const float* camera) {
   const real3 s2 = {dot3(j2, r.c0) * g.scale.x, dot3(j2, r.c1) * g.scale.y, dot3(j2, r.c2) * g.scale.z};
   const real3 sn = {dot3(jn, r.c0) * (g.scale.y * g.scale.z), dot3(jn, r.c1) * (g.scale.x * g.scale.z),
                     dot3(jn, r.c2) * (g.scale.x * g.scale.y)};
-  const real a0 = dot3(s1, s1), c0 = dot3(s2, s2);
+  const real a0 = dot3(s1, s1), c0 = dot3(s2, s2), det0 = dot3(sn, sn);
   s.a = a0 + DILATION;
   s.b = dot3(s1, s2);
   s.c = c0 + DILATION;
-  s.det = dot3(sn, sn) + DILATION * (a0 + c0) + DILATION * DILATION;
+  s.det = det0 + DILATION * (a0 + c0) + DILATION * DILATION;
   s.half_diff = 0.5f * (a0 - c0);
+#ifdef ANTIALIAS
+  s.opacity = g.opacity * sqrt(det0 / s.det);
+#else
+  s.opacity = g.opacity;
+#endif
   return s;
 }
 
@@ -90,11 +97,11 @@ kernel void project_cull(global const float* means, global const float* scales, 
   const Shape s = shape_of(g, camera);
   const real radius =
       ceil(3.0f * sqrt(0.5f * (s.a + s.c) + sqrt(max(s.half_diff * s.half_diff + s.b * s.b, (real)(0.1f)))));
-  const real sigmas = sigmas_of(log2_of(g.opacity));
+  const real sigmas = sigmas_of(log2_of(s.opacity));
   const real reach_x = sigmas * sqrt(s.a) + 0.01f, reach_y = sigmas * sqrt(s.c) + 0.01f;
   // Not finite if any of them is infinite or NaN.
   const real finite = (s.u + s.v) + (s.det + radius) + (reach_x + reach_y);
-  const ireal seen = (s.z > camera[21]) & (g.opacity >= MIN_ALPHA) & isfinite(finite);
+  const ireal seen = (s.z > camera[21]) & (s.opacity >= MIN_ALPHA) & isfinite(finite);
   const real ud = s.u - 0.5f, vd = s.v - 0.5f;
   const ureal x = tile_span(ud, radius, ud, reach_x, tiles_x), y = tile_span(vd, radius, vd, reach_y, tiles_y);
   write_culled(x, y, s.z, seen, base + first, n - first, rects, keys);
@@ -133,7 +140,7 @@ kernel void project_forward(global const float* means, global const float* scale
   global const float* camera = views + (size_t)view * 32;
   const Batch g = load_batch(means, scales, quats, opacities, ids, first, base, n);
   const Shape s = shape_of(g, camera);
-  const real lo = log2_of(g.opacity), reach = sigmas_of(lo) * sqrt(s.c) + 0.01f, ra = 1.0f / s.a;
+  const real lo = log2_of(s.opacity), reach = sigmas_of(lo) * sqrt(s.c) + 0.01f, ra = 1.0f / s.a;
   const real k = s.b * ra, qx = -0.5f * LOG2E * ra, qy = -0.5f * LOG2E * (s.a / s.det);
   real basis[16];
   sh_basis(direction_of(g.mean, camera), S, basis);

@@ -51,6 +51,25 @@ void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Ca
   (void)render(planner, there, camera, guess);
 }
 
+namespace {
+
+bool antialiased(vsplat_antialias wanted, const Scene& scene) {
+  switch (value_of(wanted)) {
+    case VSPLAT_ANTIALIAS_SCENE:
+      return scene.antialias;
+    case VSPLAT_ANTIALIAS_ON:
+      if (scene.gaussians.kind == GaussianKind::surfel)
+        fail(Status::usage, "{} is for volumes, and the scene's Gaussians are surfels: they are drawn without it",
+             Option::antialias);
+      return true;
+    case VSPLAT_ANTIALIAS_OFF:
+      return false;
+  }
+  fail(Status::usage, "options.antialias is {}, not a value of vsplat_antialias", value_of(wanted));
+}
+
+}  // namespace
+
 RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
   if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
   RenderOptions out;
@@ -60,6 +79,7 @@ RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
   out.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene.near;
   out.mirror = scene.mirror;
   out.exact_tiles = o.exact_tiles != 0;
+  out.antialias = antialiased(o.antialias, scene);
   if (o.supersample > static_cast<uint64_t>(kMostSamples))
     fail(Status::usage, "{} is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the scene asks for",
          Option::supersample, o.supersample, kMostSamples);

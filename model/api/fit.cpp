@@ -99,6 +99,7 @@ FitRequest request_of(const vsplat_fit_options& o) {
   out.seed = o.seed;
   out.poses = o.poses != 0;
   out.exposure = o.exposure != 0;
+  out.antialias = o.antialias != 0;
   out.checkpoint = o.checkpoint ? o.checkpoint : "";
   out.resume = o.resume != 0;
   if (out.resume && out.checkpoint.empty())

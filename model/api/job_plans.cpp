@@ -45,7 +45,12 @@ void plan_all_drawing(Context& planner) {
     PictureGradient by{map({kPicture, kPicture, 3}), map({kPicture, kPicture}), map({kPicture, kPicture})};
     std::array<double, 6> pose{};
     render_backward(planner, there, camera, {}, by, out, &pose);
-    if (kind != GaussianKind::surfel) continue;
+    if (kind == GaussianKind::volume) {
+      RenderOptions antialiased;
+      antialiased.antialias = true;
+      render_backward(planner, there, camera, antialiased, by, out, &pose);
+      continue;
+    }
     by.normal = map({kPicture, kPicture, 3});
     by.distortion = map({kPicture, kPicture});
     render_backward(planner, there, camera, {}, by, out, nullptr);
@@ -56,6 +61,7 @@ void plan_all_drawing(Context& planner) {
 void plan_fit_step(const Context& ctx, const Gaussians& start, const FitOptions& options) {
   const auto planner = ctx.planner();
   Fitter fitter(*planner, start, 0.2f, {}, options);
+  if (options.antialias) fitter.set_cameras({any_camera(kPicture)});
   fitter.plan_grown();
   ExposureCorrection exposure = make_exposure(*planner);
   std::array<double, 6> pose{};
@@ -84,6 +90,7 @@ void plan_fitting(const Context& ctx) {
   options.grow_every = 1;
   options.grow_until = 2;
   options.noise = options.pull = 1;
+  options.antialias = true;
   plan_fit_step(ctx, start, options);
 }
 

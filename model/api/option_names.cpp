@@ -43,6 +43,7 @@ constexpr CName c_names[] = {
     FIELD(selection, vsplat_reconstruct_options, selection),
     FIELD(selection_seed, vsplat_reconstruct_options, seed),
 
+    FIELD(antialias, vsplat_render_options, antialias),
     FIELD(orbit_elevation, vsplat_orbit_options, elevation),
     FIELD(orbit_radius, vsplat_orbit_options, radius),
     FIELD(skip_bad_gaussians, vsplat_scene_load_options, skip_bad),

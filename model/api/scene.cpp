@@ -190,6 +190,9 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
       empty.offset[static_cast<Eigen::Index>(c)] = i.offset[c];
     }
     empty.detail = detail_of(i);
+    if (i.antialias != 0 && i.antialias != 1) fail(Status::usage, "info.antialias is {}: 0 or 1 expected", i.antialias);
+    if (i.antialias && i.surfels) fail(Status::usage, "info.antialias is 1: 0 expected for surfels");
+    empty.antialias = i.antialias != 0;
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->become(with_values(empty, a));
     *out_scene = scene.release();
@@ -241,6 +244,7 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     info.surfels = s.gaussians.kind == GaussianKind::surfel;
     if (s.detail) info.detail_pixel = static_cast<double>(s.detail->pixel);
     for (size_t c = 0; s.detail && c < 3; ++c) info.detail_middle[c] = static_cast<double>(s.detail->at[c]);
+    info.antialias = s.antialias;
     info.skipped_not_finite = scene->skipped.not_finite;
     info.skipped_huge_scale = scene->skipped.huge_scale;
     info.skipped_zero_rotation = scene->skipped.zero_rotation;

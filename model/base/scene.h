@@ -32,6 +32,8 @@ struct Scene {
   std::optional<std::array<float, 3>> mirror;
   std::optional<Detail> detail;            // nothing if unknown
   std::optional<std::array<float, 3>> up;  // up direction in the frame, of length 1; nothing if unknown
+  // Whether it is made to be drawn as with RenderOptions::antialias; volumes only.
+  bool antialias = false;
 };
 
 // x -> scale rotation x + translation, with a proper rotation.

@@ -73,6 +73,11 @@ void append(Scene& to, const Scene& other, const Similarity& move) {
     drop_mirror(to);
     drop_mirror(more);
   }
+  if (to.antialias != more.antialias)
+    warn(
+        "one of the scenes is made to be drawn with anti-aliasing and the other is not: all of the result is drawn {} "
+        "it, as the first one, and what is smaller than a pixel in the other one looks {}",
+        to.antialias ? "with" : "without", to.antialias ? "fainter" : "larger");
   to.near = std::min(to.near, more.near);
   const int degree = std::max(to.gaussians.sh_degree, more.gaussians.sh_degree);
   raise_degree(to.gaussians, degree);

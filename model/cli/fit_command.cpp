@@ -192,6 +192,10 @@ void add_fit_options(CLI::App& sub, FitOptions& o) {
   sub.add_option("--freeze", o.freeze, "Which parameters stay as they are, of means, scales, rotations, opacities, sh")
       ->type_name("NAME,...")
       ->group(what);
+  sub.add_flag("--antialias", o.antialias,
+               "Fit for drawing at any size: what is smaller than a pixel fades instead of growing. The file says so, "
+               "and render obeys it")
+      ->group(what);
   sub.add_option("--seed", o.seed, "Seed of the pictures' order, of backgrounds, growth and --start random (0)")
       ->type_name("S")
       ->group(what);

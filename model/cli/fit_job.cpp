@@ -115,6 +115,7 @@ ordered_json number_json(double value) { return std::isfinite(value) ? ordered_j
 FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint) {
   options.poses = o.poses;
   options.exposure = o.exposure;
+  options.antialias = o.antialias;
   options.checkpoint = checkpoint_.empty() ? nullptr : checkpoint_.c_str();
   options.resume = o.resume;
   if (o.resume && checkpoint_.empty()) throw UsageError("--resume needs --checkpoint, the folder of the state");

@@ -15,7 +15,7 @@ namespace command {
 struct FitOptions {
   std::string steps, size, sheet;
   std::string quality = "draft", seconds, max_gaussians, holdout, sh, freeze, seed, log, checkpoint;
-  bool poses = false, exposure = false, resume = false;
+  bool poses = false, exposure = false, resume = false, antialias = false;
 };
 
 // The options' names in messages.

@@ -63,6 +63,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_fit_options, max_gaussians, "--max-gaussians"),
     FIELD(vsplat_fit_options, names, "--views"),
     FIELD(vsplat_fit_options, resume, "--resume"),
+    FIELD(vsplat_render_options, antialias, "--antialias"),
     FIELD(vsplat_render_options, supersample, "--supersample"),
     FIELD(vsplat_scene_load_options, skip_bad, "--skip-bad"),
     FIELD(vsplat_train_options, assume_selected, "--assume-selected"),

@@ -109,6 +109,8 @@ PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles), sk
   }
   if (!o.near.empty()) near = positive_number("--near", o.near, "distance in world units");
   supersample = samples("--supersample", o.supersample);
+  if (o.antialias == "on") antialias = VSPLAT_ANTIALIAS_ON;
+  if (o.antialias == "off") antialias = VSPLAT_ANTIALIAS_OFF;
   read_outputs(o);
   orbit_options.count = choice.orbit;
   if (size) orbit_options.width = size->width, orbit_options.height = size->height;
@@ -272,6 +274,7 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
   options.near_plane = near;
   options.exact_tiles = exact_tiles;
   options.supersample = supersample;
+  options.antialias = antialias;
   // A file with alpha contains no background, so it is drawn over black.
   if (!over_black()) std::copy(std::begin(background), std::end(background), options.background);
   if (over_black()) std::fill(std::begin(options.background), std::end(options.background), 0.0f);

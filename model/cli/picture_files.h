@@ -22,6 +22,7 @@ struct PictureOptions {
   std::string images;   // the folder
   std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up, supersample;
   std::string sheet, turntable, fps, compare, differences, write_cameras;
+  std::string antialias;
   bool exr_raw = false, exact_tiles = false, skip_bad = false;
 };
 
@@ -41,6 +42,7 @@ struct PictureJob {
   bool transparent = false;         // for --images
   double near = 0;                  // 0: the scene's
   bool exact_tiles = false, skip_bad = false;
+  vsplat_antialias antialias = VSPLAT_ANTIALIAS_SCENE;
   std::uint64_t supersample = 0;  // 0: chosen by the scene
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;

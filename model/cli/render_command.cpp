@@ -32,6 +32,7 @@ void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scen
   options.near_plane = PictureJob(o.pictures).near;
   options.exact_tiles = o.pictures.exact_tiles;
   options.supersample = PictureJob(o.pictures).supersample;
+  options.antialias = PictureJob(o.pictures).antialias;
   options.progress = &Session::on_progress;
   options.user = &session;
   session.start("counting");
@@ -112,6 +113,11 @@ void add_render(CLI::App& app, Run& run) {
   add_picture_options(*sub, o->pictures, "--cameras");
   sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
       ->type_name("Z")
+      ->group("Pictures");
+  sub->add_option("--antialias", o->pictures.antialias,
+                  "Whether what is smaller than a pixel fades instead of growing (default: auto, what the file says)")
+      ->check(one_of({"auto", "on", "off"}))
+      ->type_name("auto|on|off")
       ->group("Pictures");
   sub->add_flag("--skip-bad", o->pictures.skip_bad,
                 "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), "

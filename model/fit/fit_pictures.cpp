@@ -77,15 +77,24 @@ void FitPictures::forget(int view) {
   kept_.erase(there);
 }
 
-Camera FitPictures::largest(const std::vector<int>& views) const {
-  Camera out;
-  double most = 0;
+std::vector<Camera> FitPictures::cameras(const std::vector<int>& views) const {
+  std::vector<Camera> out;
   for (const int view : views) {
-    Camera camera = resolved_view(photographs_, view).camera;
+    Camera camera = to_frame(resolved_view(photographs_, view).camera, to_world_);
     const int side = std::max(camera.width, camera.height);
     const double factor = longest_ > 0 && side > longest_ ? static_cast<double>(longest_) / side : 1.0;
     camera.width = static_cast<int>(std::ceil(factor * camera.width));
     camera.height = static_cast<int>(std::ceil(factor * camera.height));
+    for (double* length : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *length *= factor;
+    out.push_back(camera);
+  }
+  return out;
+}
+
+Camera FitPictures::largest(const std::vector<int>& views) const {
+  Camera out;
+  double most = 0;
+  for (const Camera& camera : cameras(views)) {
     const double pixels = static_cast<double>(camera.width) * camera.height;
     if (pixels > most) out = camera;
     most = std::max(most, pixels);

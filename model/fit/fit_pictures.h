@@ -28,7 +28,10 @@ class FitPictures {
   void read_ahead(int view);
   void forget(int view);  // drops the view from the cache
 
-  // A camera with the size of the largest of these views' pictures. Reads only the pictures' headers.
+  // Cameras of these views' pictures, in the frame of the fit, without the correction of lenses. Reads only the
+  // pictures' headers.
+  std::vector<Camera> cameras(const std::vector<int>& views) const;
+  // The one of them with the largest picture.
   Camera largest(const std::vector<int>& views) const;
 
  private:

@@ -10,6 +10,7 @@ FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const
                    const Camera& camera) {
   const auto planner = ctx.planner();
   Fitter fitter(*planner, start, near, {}, options);
+  if (options.antialias) fitter.set_cameras({camera});
   fitter.plan_grown();
   const long h = camera.height, w = camera.width;
   const DeviceFitPicture picture{camera, planner->tensor({h, w, 4}, Type::u8, "picture"),

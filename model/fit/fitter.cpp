@@ -8,6 +8,7 @@
 #include "model/ops/fit/exposure.h"
 #include "model/ops/fit/picture_target.h"
 #include "model/ops/fit/splat_adam.h"
+#include "model/ops/fit/splat_filter.h"
 #include "model/ops/render/visible.h"
 #include "runtime/fail.h"
 #include "runtime/files/safetensors.h"
@@ -17,6 +18,7 @@ namespace vsplat {
 namespace {
 
 constexpr float kLeastLogit = -12, kMostLogit = 8;
+constexpr long kFilterEvery = 100;  // steps after which the filter follows Gaussians that have moved
 
 double logit(double p) {
   const double held = std::clamp(p, 1e-5, 1 - 1e-4);
@@ -83,7 +85,34 @@ Fitter::Fitter(Context& ctx, const Gaussians& start, float near, const std::opti
 DeviceGaussians Fitter::activate(Context& c, const Dropping& dropping) const {
   const SplatParameters x = parameters();
   splat_parameters_forward(c, {x, dropping, scales_.first(count_), opacities_.first(count_)});
+  if (variances_) splat_filter_forward(c, {variances_.first(count_), scales_.first(count_), opacities_.first(count_)});
   return {x.means, scales_.first(count_), x.quats, opacities_.first(count_), x.sh};
+}
+
+void Fitter::set_cameras(const std::vector<Camera>& cameras) {
+  views_ = upload_views(ctx_, cameras, near_, {});
+  variances_ = ctx_.tensor({all_.x.count()}, Type::f32, "filter variances");
+  find_variances();
+  if (ctx_.planning()) return;
+  const SplatParameters x = parameters();
+  const auto variances = ctx_.read<float>(variances_.first(count_));
+  auto log_scales = ctx_.read<float>(x.log_scales), logits = ctx_.read<float>(x.logits);
+  for (std::size_t k = 0; k < variances.size(); ++k) {
+    double opacity = 1 / (1 + std::exp(-static_cast<double>(logits[k])));
+    for (std::size_t i = 3 * k; i < 3 * k + 3; ++i) {
+      const double given = std::exp(static_cast<double>(log_scales[i]));
+      const double scale = std::sqrt(std::max(given * given - variances[k], given * given / 4));
+      opacity *= std::sqrt(1 + variances[k] / (scale * scale));
+      log_scales[i] = std::max(static_cast<float>(std::log(scale)), std::log(options_.low_scale));
+    }
+    logits[k] = static_cast<float>(logit(opacity));
+  }
+  ctx_.write(x.log_scales, log_scales.data());
+  ctx_.write(x.logits, logits.data());
+}
+
+void Fitter::find_variances() {
+  if (variances_) splat_filter_variances(ctx_, {parameters().means, views_, variances_.first(count_)});
 }
 
 SplatParameters Fitter::parameters() const { return vsplat::first(all_, count_).x; }
@@ -92,6 +121,7 @@ GaussianGradients Fitter::gradient() const { return first(dall_, count_); }
 RenderOptions Fitter::drawing() const {
   RenderOptions out;
   out.near = near_;
+  out.antialias = options_.antialias;
   out.mirror = mirror_;
   return out;
 }
@@ -102,7 +132,7 @@ void Fitter::bound_on_screen(const Camera& camera) {
   if (static_cast<std::uint64_t>(count_ * whole.tiles()) <= most) return;
   const Culled culled = make_culled(ctx_, count_);
   project_cull(ctx_, activate(ctx_, {}), 0, upload_views(ctx_, {camera}, near_, mirror_), 0, camera.width,
-               camera.height, culled);
+               camera.height, culled, options_.antialias);
   const std::uint64_t found = count_visible(ctx_, culled, whole).intersections;
   if (ctx_.planning() || found <= most) return;
   const Uncancelled unbroken(ctx_);
@@ -171,6 +201,9 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     back.home_means = home_means_;
     back.home_scales = home_scales_;
   }
+  if (variances_)
+    splat_filter_backward(ctx_, {variances_.first(count_), back.x.log_scales, gaussians.opacities,
+                                 back.dgaussians.scales, back.dgaussians.opacities});
   splat_parameters_backward(ctx_, back);
 }
 
@@ -200,7 +233,9 @@ void Fitter::move() {
   if (options_.noise > 0 && shape)
     splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed,
                        static_cast<std::uint32_t>(step_ - 1)});
-  if (options_.grow_every > 0 && step_ % options_.grow_every == 0 && step_ < options_.grow_until) grow();
+  const bool grows = options_.grow_every > 0 && step_ % options_.grow_every == 0 && step_ < options_.grow_until;
+  if (grows) grow();
+  if (grows || step_ % kFilterEvery == 0) find_variances();
 }
 
 void Fitter::grow() {
@@ -250,6 +285,7 @@ FitTensors Fitter::state() const {
   for_each_tensor(vsplat::first(all_, count_), [&](const std::string& name, const Tensor& t) {
     out[name] = {t.shape(), ctx_.read<float>(t)};
   });
+  if (variances_) out["filter.variances"] = {{count_}, ctx_.read<float>(variances_.first(count_))};
   return out;
 }
 
@@ -260,12 +296,14 @@ void Fitter::restore(const FitTensors& state, long steps_done) {
     fail(Status::format, "a fit's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),
          all_.x.count());
   count_ = logits.shape[0];
-  for_each_tensor(vsplat::first(all_, count_), [&](const std::string& name, const Tensor& t) {
+  const auto read = [&](const std::string& name, const Tensor& t) {
     const FitTensor& from = tensor_of(state, name);
     if (from.shape != t.shape())
       fail(Status::format, "a fit's state has {} for {}, {} expected", text_of(from.shape), name, text_of(t.shape()));
     ctx_.write(t, from.data.data());
-  });
+  };
+  for_each_tensor(vsplat::first(all_, count_), read);
+  if (variances_) read("filter.variances", variances_.first(count_));
   step_ = steps_done;
 }
 

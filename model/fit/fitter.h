@@ -38,6 +38,7 @@ struct FitOptions {
   long max_gaussians = 0;  // at least the number of Gaussians of the start
   float noise = 0;         // factor on the means' learning rate, per unit of variance
   float low_scale = 1e-5f, high_scale = 0.5f;
+  bool antialias = false;  // as in RenderOptions, with the 3D filter of set_cameras()
   std::uint64_t seed = 0;
 };
 
@@ -57,6 +58,11 @@ class Fitter {
   // `near` and `mirror` as in RenderOptions. Uploads the start.
   Fitter(Context& ctx, const Gaussians& start, float near, const std::optional<std::array<float, 3>>& mirror,
          const FitOptions& options);
+
+  // The cameras of the pictures that are fitted, with FitOptions::antialias: no Gaussian is drawn finer than these can
+  // show (splat_filter.h). To be called before the first step; the start's Gaussians stay as they were where they are
+  // not finer.
+  void set_cameras(const std::vector<Camera>& cameras);
 
   long count() const { return count_; }
   long steps_done() const { return step_; }
@@ -83,7 +89,7 @@ class Fitter {
   // The state that further steps depend on. restore() expects the options and the start that the state was made with.
   FitTensors state() const;
   void restore(const FitTensors& state, long steps_done);
-  // The current scene, without Gaussians that are invisible or hold a value that is not finite.
+  // The current scene, filtered, without Gaussians that are invisible or hold a value that is not finite.
   Gaussians gaussians();
 
  private:
@@ -92,6 +98,7 @@ class Fitter {
   // takes far longer than the others.
   void bound_on_screen(const Camera& camera);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
+  void find_variances();
   RenderOptions drawing() const;
   void grow();
 
@@ -104,6 +111,7 @@ class Fitter {
   GaussianGradients dall_;     // zeros between steps
   Tensor scales_, opacities_;  // activated
   Tensor home_means_, home_scales_;
+  Tensor views_, variances_;  // the filter's cameras and variances; none: no filter
   Tensor loss_;
 };
 

@@ -105,6 +105,12 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
       pictures(p, to_world, request.longest, kPictureCap) {
   const auto begun = Clock::now();
+  if (request.antialias)
+    given.make = [make = std::move(given.make)](const std::vector<int>& views) {
+      Scene out = make(views);
+      out.antialias = true;
+      return out;
+    };
   used = listed_views(p.set, request.names, Option::fit_views);
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
@@ -165,6 +171,7 @@ void SceneFit::Impl::begin_leg() {
   transform(scene, to_world.inverse());
   recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),
                       static_cast<long>(scene.gaussians.count));
+  recipe.options.antialias = scene.antialias;
   const int degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
   const Gaussians start = with_degree(std::move(scene.gaussians), degree);
   leg_steps = recipe.steps;
@@ -189,6 +196,7 @@ void SceneFit::Impl::begin_leg() {
   resident_bytes = 0;
   spare_bytes = spare_room(ctx, start, scene.near, recipe.options, pictures.largest(used));
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
+  if (recipe.options.antialias) fitter->set_cameras(pictures.cameras(now.views));
   leg_began = seconds;  // not before: what is above may throw, and is then begun again
   if (resuming) return;
   const Uncancelled whole(ctx);
@@ -398,6 +406,7 @@ Scene SceneFit::Impl::to_scene(const Gaussians& gaussians) const {
   transform(out, to_world, first->offset);
   out.near = first->near;
   out.mirror = first->mirror;
+  out.antialias = first->antialias;
   out.up = first->up;
   return out;
 }

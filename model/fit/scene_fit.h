@@ -44,6 +44,7 @@ struct FitRequest {
   bool whole = false;  // a whole scene rather than an object in its cube
   FitFreeze freeze;
   bool poses = false, exposure = false;
+  bool antialias = false;  // also on where Scene::antialias of the start is
   std::uint64_t seed = 0;
   // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,
   // the fit continues from the checkpoint there.

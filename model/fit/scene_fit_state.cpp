@@ -53,6 +53,7 @@ std::string SceneFit::Impl::text_of_request() const {
       out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
   }
   const Scene start = given.make(legs.back().views);
+  if (start.antialias) out += " | antialias";
   if (!start.offset.isZero(0))
     out += fmt::format(" | about {} {} {}", exact_text(start.offset.x()), exact_text(start.offset.y()),
                        exact_text(start.offset.z()));

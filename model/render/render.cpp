@@ -37,7 +37,7 @@ View cull(Context& ctx, const GaussianChunks& scene, const Camera& camera, const
     if (scene.kind == GaussianKind::surfel)
       project_surfels_cull(ctx, chunk, base, out.camera, 0, camera.width, camera.height, options.revision, out.culled);
     else
-      project_cull(ctx, chunk, base, out.camera, 0, camera.width, camera.height, out.culled);
+      project_cull(ctx, chunk, base, out.camera, 0, camera.width, camera.height, out.culled, options.antialias);
   }
   return out;
 }
@@ -70,7 +70,7 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
       if (surfels)
         project_surfels_forward(ctx, {chunk, 0, view.camera, 0, out.ids, 0, all, out.records, options.revision});
       else
-        project_forward(ctx, {chunk, 0, view.camera, 0, out.ids, 0, all, out.records});
+        project_forward(ctx, {chunk, 0, view.camera, 0, out.ids, 0, all, out.records, options.antialias});
       continue;
     }
     const auto seen_before = [&](long gaussian) {
@@ -84,7 +84,7 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
       project_surfels_forward(ctx,
                               {chunk, base, view.camera, 0, out.ids, from, to - from, out.records, options.revision});
     else
-      project_forward(ctx, {chunk, base, view.camera, 0, out.ids, from, to - from, out.records});
+      project_forward(ctx, {chunk, base, view.camera, 0, out.ids, from, to - from, out.records, options.antialias});
   }
   return out;
 }

@@ -20,6 +20,7 @@ struct RenderOptions {
   float near = 0.2f;                           // camera z up to which Gaussians are omitted, world units
   std::optional<std::array<float, 3>> mirror;  // colours as seen from the camera's mirror image about this point
   bool exact_tiles = false;                    // as BinOptions::exact: the same picture from fewer sorted pairs
+  bool antialias = false;                      // as for project_cull(); surfels are drawn without
   // Samples along a pixel's edge: the picture is drawn with so many times the width and height, and averaged. At least
   // 1; for drawing only, not for derivatives.
   int supersample = 1;

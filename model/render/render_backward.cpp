@@ -57,7 +57,8 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOption
       project_surfels_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to,
                                      twists, options.revision});
     else
-      project_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to, twists});
+      project_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to, twists,
+                             options.antialias});
   }
 }
 

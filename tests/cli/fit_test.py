@@ -95,6 +95,19 @@ class Fit(support.Case):
         self.succeeds("render", self.path("out.ply"), *camera, self.path("b"))
         self.assertEqual(pathlib.Path(self.path("a", "0000.png")).read_bytes(), pathlib.Path(self.path("b", "0000.png")).read_bytes())
 
+    def test_antialiasing_is_kept_by_the_file_and_obeyed_by_render(self):
+        self.succeeds(*self.fit("--holdout", 1, "--steps", 20, "--antialias"))
+        self.succeeds(*self.fit("--holdout", "none", "--steps", 5, start=self.path("out.ply"), output="more.ply"))
+        for name in ("out.ply", "more.ply"):
+            self.assertIn(b"\ncomment SplatRenderMode: mip\n", pathlib.Path(self.path(name)).read_bytes()[:500])
+        drawn = {}
+        for mode in ("auto", "on", "off"):
+            self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:1", "--size", "12x12", "--antialias", mode, "--images",
+                          self.path(mode), "--quiet")
+            drawn[mode] = pathlib.Path(self.path(mode, "0000.png")).read_bytes()
+        self.assertEqual(drawn["auto"], drawn["on"])
+        self.assertNotEqual(drawn["auto"], drawn["off"])
+
     def test_the_same_input_gives_the_same_bytes(self):
         more = ("--holdout", 1, "--steps", 30, "--seed", 7)
         for start in (self.ball, "random"):

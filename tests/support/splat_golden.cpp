@@ -87,6 +87,7 @@ SplatGolden SplatGolden::load(const std::string& name) {
     const std::vector<float> point = floats(file, "input.mirror");
     out.options.mirror = {point[0], point[1], point[2]};
   }
+  out.options.antialias = file.find("input.antialias") != nullptr;
   if (out.gaussians.kind == GaussianKind::surfel) {
     out.options.maps = {true, true, true};
     const std::string& revision = file.metadata().at("revision");
@@ -102,9 +103,9 @@ SplatGolden SplatGolden::load(const std::string& name) {
 }
 
 const std::vector<std::string>& splat_committed() {
-  static const std::vector<std::string> names = {"one",    "seventeen", "degree2", "degree3",  "needles",
-                                                 "mirror", "clamped",   "near",    "extremes", "stops",
-                                                 "wide",   "one_pixel", "empty"};
+  static const std::vector<std::string> names = {"one",    "seventeen", "degree2", "degree3",   "needles",
+                                                 "mirror", "clamped",   "near",    "extremes",  "stops",
+                                                 "wide",   "one_pixel", "empty",   "antialias", "antialias_needles"};
   return names;
 }
 

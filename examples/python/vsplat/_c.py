@@ -207,7 +207,8 @@ class _SceneInfo(_Struct):
     _fields_ = [("size", c.c_size_t), ("count", c.c_uint64), ("sh_degree", c.c_int32), ("near_plane", c.c_double),
                 ("has_mirror", c.c_int32), ("mirror", c.c_double * 3), ("skipped_not_finite", c.c_uint64),
                 ("skipped_huge_scale", c.c_uint64), ("skipped_zero_rotation", c.c_uint64), ("up", c.c_double * 3),
-                ("offset", c.c_double * 3), ("surfels", c.c_int32), ("detail_pixel", c.c_double), ("detail_middle", c.c_double * 3)]
+                ("offset", c.c_double * 3), ("surfels", c.c_int32), ("detail_pixel", c.c_double), ("detail_middle", c.c_double * 3),
+                ("antialias", c.c_int32)]
 
 
 class _Gaussians(_Struct):
@@ -223,7 +224,7 @@ class _ReconstructOptions(_Struct):
 
 class _RenderOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("background", c.c_float * 3), ("near_plane", c.c_double), ("progress", _progress),
-                ("user", c.c_void_p), ("exact_tiles", c.c_int32), ("supersample", c.c_uint64)]
+                ("user", c.c_void_p), ("exact_tiles", c.c_int32), ("supersample", c.c_uint64), ("antialias", c.c_int)]
 
 
 class _Picture(_Struct):
@@ -245,7 +246,8 @@ class _FitOptions(_Struct):
                 ("reconstruct", c.c_void_p), ("names", c.POINTER(c.c_char_p)), ("num_names", c.c_size_t), ("holdout", c.c_int),
                 ("holdout_count", c.c_int32), ("holdout_names", c.POINTER(c.c_char_p)), ("num_holdout_names", c.c_size_t),
                 ("steps", c.c_int64), ("seconds", c.c_double), ("max_gaussians", c.c_uint64), ("sh_degree", c.c_int32),
-                ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32)]
+                ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32),
+                ("checkpoint", c.c_char_p), ("resume", c.c_int32), ("antialias", c.c_int32)]
 
 
 class _FitProgress(_Struct):

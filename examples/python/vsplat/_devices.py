@@ -96,15 +96,15 @@ class Device(_Handle):
         return Scene(handle)
 
     def fit(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
-               poses: bool = False, exposure: bool = False, seed: int = 0, progress: Progress | None = None) -> Scene:
+               poses: bool = False, exposure: bool = False, antialias: bool = False, seed: int = 0, progress: Progress | None = None) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
-        or the model that makes one from the views; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
+        or the model that makes one from the views; `antialias`: fits it for drawing at any size; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
         `longest`: longer side of the pictures in pixels (0: unscaled). An exception in `progress` ends the fit; if it returns False,
         the result is the best scene so far."""
         if not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")
         options = _FitOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
-                                 max_gaussians=max_gaussians, poses=poses, exposure=exposure, seed=seed)
+                                 max_gaussians=max_gaussians, poses=poses, exposure=exposure, antialias=antialias, seed=seed)
         setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
         handle = c.c_void_p()
         _call("fit_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))
@@ -125,9 +125,10 @@ class Device(_Handle):
 
     def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
                colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0, out: np.ndarray | None = None,
-               premultiplied: bool = False, also: Iterable[str] = ()) -> Picture:
+               premultiplied: bool = False, also: Iterable[str] = (), antialias: bool | None = None) -> Picture:
         """Draws the scene; `near`: the near plane, world units (0: the scene's); `supersample`: samples along a pixel's edge (0: chosen
-        by the scene; render_backward() is for 1).
+        by the scene; render_backward() is for 1); `antialias`: whether what is smaller than a pixel fades instead of growing (None: as
+        the scene says).
 
         `out`: an array that also receives the picture, in a program's pixel format: uint8, float16 or float32, [H, W, 3] over the
         background, or [H, W, 4] without it, with alpha straight or `premultiplied`. It may be a part of a larger frame, as in
@@ -136,8 +137,7 @@ class Device(_Handle):
         `also`: additional planes of the picture, among "expected", "median", "normal" and "ids"."""
         seen_from = _given(camera, Camera, "camera")._struct()
         picture, struct = _new_picture(camera, (colour, alpha, depth), also, out, premultiplied, "out")
-        _call("render", self, _given(scene, Scene, "scene"), c.byref(seen_from), c.byref(_render_options(background, near, supersample)),
-              c.byref(struct))
+        _call("render", self, _given(scene, Scene, "scene"), c.byref(seen_from), c.byref(_render_options(background, near, supersample, antialias)), c.byref(struct))
         return picture
 
     def reconstruct_async(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None, progress: Progress | None = None,
@@ -355,5 +355,6 @@ def _voxels(voxels: Any) -> tuple[Any, int]:
     return kept.ctypes.data_as(c.POINTER(c.c_int32)), kept.size
 
 
-def _render_options(background: Sequence[float], near: float, supersample: int = 1) -> _RenderOptions:
-    return _RenderOptions(background=_numbers(background, c.c_float, 3, "background"), near_plane=near, supersample=supersample)
+def _render_options(background: Sequence[float], near: float, supersample: int = 1, antialias: bool | None = None) -> _RenderOptions:
+    return _RenderOptions(background=_numbers(background, c.c_float, 3, "background"), near_plane=near, supersample=supersample,
+                          antialias=0 if antialias is None else 1 if antialias else 2)

@@ -236,7 +236,7 @@ class Scene(_Handle):
     def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float | None = None,
                     up: Sequence[float] | None = None, offset: Sequence[float] | None = None, like: Scene | None = None) -> Scene:
         """Makes a scene from arrays: [K, 3], [K, 3], [K, 4], [K], [K, S, 3], as in Gaussians. `like`: the scene that the values come from; near
-        plane, up, offset, mirror and whether they are surfels are taken from it unless given. Without it: `near`: the near plane in world units
+        plane, up, offset, mirror, antialias and whether they are surfels are taken from it unless given. Without it: `near`: the near plane in world units
         (the usual one by default); `up` (unknown by default); `offset`: the means plus this are in the world (0, 0, 0 by default)."""
         arrays = _gaussians_of(means, scales, rotations, opacities, sh)
         info = _given(like, Scene, "like")._info() if like is not None else _SceneInfo()
@@ -287,6 +287,11 @@ class Scene(_Handle):
     def up(self) -> np.ndarray | None:
         """[3], up direction in the world; None: unknown."""
         return _known(self._info().up)
+
+    @property
+    def antialias(self) -> bool:
+        """Whether it is made to be drawn with anti-aliasing."""
+        return bool(self._info().antialias)
 
     @property
     def surfels(self) -> bool:

@@ -329,12 +329,24 @@ std::array<float, 3> direction(const std::string& path, const std::string& comme
   return {part(0), part(1), part(2)};
 }
 
+// How to draw the file's Gaussians, as several programs write it. Others than these are drawn as `default`.
+void read_render_mode(const std::string& path, const std::string& mode, GaussianKind kind, Scene& scene) {
+  if (mode == "mip" && kind == GaussianKind::surfel) {
+    warn("{}: comment \"SplatRenderMode: mip\" is ignored: anti-aliasing is for volumes, and these are surfels", path);
+    return;
+  }
+  scene.antialias = mode == "mip";
+  if (mode != "mip" && mode != "default" && mode != "2dgs")
+    warn("{}: comment \"SplatRenderMode: {}\" is ignored: default, mip or 2dgs expected", path, printable(mode));
+}
+
 // Reads the comments that vsplat writes.
-void read_comments(const std::string& path, const PlyHeader& header, Scene& scene) {
+void read_comments(const std::string& path, const PlyHeader& header, GaussianKind kind, Scene& scene) {
   for (const std::string& comment : header.comments) {
     std::istringstream in(comment);
     std::string who, what;
     in >> who >> what;
+    if (who == "SplatRenderMode:") read_render_mode(path, what, kind, scene);
     if (who != "vsplat") continue;
     if (what == "near") {
       scene.near = comment_numbers<float>(path, comment, in, 1)[0];
@@ -373,7 +385,7 @@ Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
   const Layout layout = find_columns(path, *vertex);
   const std::unique_ptr<PlyRows> rows = PlyRows::open(in, header, *vertex, layout.columns);
   Scene scene;
-  read_comments(path, header, scene);
+  read_comments(path, header, layout.kind, scene);
   if (skipped) *skipped = {};
   scene.gaussians = read_gaussians(path, layout, vertex->count, *rows, skipped);
   look_at_colours(path, layout, scene.gaussians);

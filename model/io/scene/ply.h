@@ -29,9 +29,9 @@ Scene read_ply(const std::string& path, SkippedGaussians* skipped = nullptr);
 // Reads a file's bytes in memory; `name` replaces the path in errors.
 Scene read_ply(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped = nullptr);
 
-// Writes all properties as float, with normals; the near plane, offset, up, detail, mirror point and SH degree as
-// comments. Writes a temporary file and renames it. Opacities 0 and 1 become logits that every reader converts back to
-// 0 and 1.
+// Writes all properties as float, with normals; the near plane, offset, up, detail, mirror point, anti-aliasing and SH
+// degree as comments. Writes a temporary file and renames it. Opacities 0 and 1 become logits that every reader
+// converts back to 0 and 1.
 void write_ply(const std::string& path, const Scene& scene);
 
 }  // namespace vsplat

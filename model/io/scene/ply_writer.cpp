@@ -35,6 +35,7 @@ std::string make_header(const Scene& scene, const std::vector<std::string>& name
   if (scene.mirror)
     out += fmt::format("comment vsplat mirror_camera_about {} {} {}\n", (*scene.mirror)[0], (*scene.mirror)[1],
                        (*scene.mirror)[2]);
+  if (scene.antialias) out += "comment SplatRenderMode: mip\n";
   out += fmt::format("comment SH degree: {}\n", scene.gaussians.sh_degree);
   out += fmt::format("element vertex {}\n", scene.gaussians.count);
   for (const std::string& name : names) out += "property float " + name + "\n";

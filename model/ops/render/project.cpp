@@ -71,9 +71,9 @@ struct Launch {
   std::string defines;
 };
 
-Launch launch_of(const Context& ctx) {
+Launch launch_of(const Context& ctx, bool antialias) {
   const long width = projection_width(ctx);
-  return {width, "-DWIDTH=" + std::to_string(width)};
+  return {width, "-DWIDTH=" + std::to_string(width) + (antialias ? " -DANTIALIAS" : "")};
 }
 
 Range range_of(const Launch& l, long n) { return items((n + l.width - 1) / l.width, l.width == 1 ? 64 : 16); }
@@ -91,14 +91,14 @@ void check_culling(const Dims& d, long view, long base, int width, int height) {
 }
 
 void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, int width,
-                  int height, const Culled& out) {
+                  int height, const Culled& out, bool antialias) {
   Dims d;
   bind_gaussians(d, g, "n", GaussianKind::volume);
   d.bind("views", views, {"V", "32"}).bind("rects", out.rects, {"K", "2"}, Type::u32);
   d.bind("keys", out.keys, {"K"}, Type::u32);
   const long n = d["n"];
   check_culling(d, view, base, width, height);
-  const Launch l = launch_of(ctx);
+  const Launch l = launch_of(ctx, antialias);
   const double count = static_cast<double>(n);
   ctx.launch({"project", "project_cull", l.defines}, range_of(l, n), {count * 190, count * 56}, g.means, g.scales,
              g.quats, g.opacities, views, view, written(out.rects), written(out.keys), base, n, tiles_along(width),
@@ -111,7 +111,7 @@ void project_forward(Context& ctx, const ProjectForward& a) {
   bind_gaussians(d, g, "n", GaussianKind::volume);
   d.bind("views", a.views, {"V", "32"}).bind("ids", a.ids, {"N"}, Type::u32).bind("records", a.records, {"N", "12"});
   if (a.from < 0 || a.from + a.n > d["N"]) fail(Status::internal, "project: {} from {} of {}", a.n, a.from, d["N"]);
-  const Launch l = launch_of(ctx);
+  const Launch l = launch_of(ctx, a.antialias);
   const double count = static_cast<double>(a.n), s = static_cast<double>(d["S"]);
   ctx.launch({"project", "project_forward", l.defines}, range_of(l, a.n),
              {count * (180 + 8 * s), count * (96 + 12 * s)}, g.means, g.scales, g.quats, g.opacities, g.sh, a.views,
@@ -134,7 +134,7 @@ void project_backward(Context& ctx, const ProjectBackward& a) {
   if (a.view < 0 || a.view >= d["V"]) fail(Status::internal, "project_backward: view {} of {}", a.view, d["V"]);
   d.bind_optional("twists", a.twists, {"N", "6"});
   const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
-  ctx.launch({"project_backward", "project_backward", ""}, items(n),
+  ctx.launch({"project_backward", "project_backward", a.antialias ? "-DANTIALIAS" : ""}, items(n),
              {count * (450.0 + 20.0 * sh) + rows * 10, count * (180.0 + 36.0 * sh) + rows * 41}, g.means, g.scales,
              g.quats, g.opacities, g.sh, a.views, a.view, static_cast<int>(a.mirrored), a.visible.ids,
              a.visible.records, a.intersections.rows, a.intersections.touched, a.offsets, written(a.dchunk.means),

@@ -48,9 +48,10 @@ struct Projected {
 };
 
 // A chunk of the scene, whose first Gaussian is the scene's `base`, in one view: `view` of upload_views' [V,32]; width
-// and height in pixels. Writes its part of `out`.
+// and height in pixels. Writes its part of `out`. `antialias`, here and below: opacities are multiplied by
+// sqrt(det S / det(S + 0.3 I)), where S is the covariance in the picture, in pixels^2.
 void project_cull(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view, int width,
-                  int height, const Culled& out);
+                  int height, const Culled& out, bool antialias = false);
 
 // Writes the records of some visible Gaussians, all of which are in the chunk.
 struct ProjectForward {
@@ -61,6 +62,7 @@ struct ProjectForward {
   Tensor ids;            // u32 [N]: see Projected
   long from = 0, n = 0;  // the n from `from` on
   Tensor records;        // [N,12], of which those are written
+  bool antialias = false;
 };
 void project_forward(Context& ctx, const ProjectForward& a);
 
@@ -84,6 +86,7 @@ struct ProjectBackward {
   IntersectionGradients intersections;
   GaussianGradients dchunk;  // of the chunk, added to
   Tensor twists;             // [N,6] or none: a row for each visible Gaussian; those of the chunk are written
+  bool antialias = false;
 };
 void project_backward(Context& ctx, const ProjectBackward& a);
 

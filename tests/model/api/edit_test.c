@@ -216,6 +216,40 @@ static void test_mirrors(vsplat_device device) {
   vsplat_scene_release(other);
 }
 
+/* Anti-aliasing is kept by every edit and by files; only volumes have it. */
+static void test_antialias(void) {
+  const double low[3] = {-1, -1, -1}, high[3] = {1, 1, 1};
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  vsplat_scene scene = NULL, again = NULL, plain = make_scene(3, 0, 8, 0, NULL);
+  values v = values_of(plain);
+  uint8_t removed[6] = {0};
+  char* bytes = NULL;
+  size_t size = 0;
+  arrays.capacity = info.count = 3;
+  arrays.means = v.means, arrays.scales = v.scales, arrays.rotations = v.rotations;
+  arrays.opacities = v.opacities, arrays.sh = v.sh;
+  info.antialias = 2;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
+  info.antialias = info.surfels = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
+  info.surfels = 0;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &scene));
+  EXPECT(VSPLAT_OK, vsplat_scene_transform(scene, turned));
+  EXPECT(VSPLAT_OK, vsplat_scene_append(scene, plain, NULL));
+  EXPECT(VSPLAT_OK, vsplat_scene_append(plain, scene, NULL));
+  HOLD(info_of(scene).antialias == 1 && info_of(plain).antialias == 0);
+  EXPECT(VSPLAT_OK, vsplat_scene_remove(scene, removed, 6));
+  EXPECT(VSPLAT_OK, vsplat_scene_crop(scene, low, high));
+  EXPECT(VSPLAT_OK, vsplat_scene_save_memory(scene, &bytes, &size));
+  EXPECT(VSPLAT_OK, vsplat_scene_load_memory(bytes, size, NULL, &again));
+  HOLD(info_of(again).antialias == 1);
+  vsplat_text_free(bytes);
+  vsplat_scene_release(scene);
+  vsplat_scene_release(again);
+  vsplat_scene_release(plain);
+}
+
 static int is_there(const char* path) {
   FILE* file = fopen(path, "rb");
   if (file) fclose(file);
@@ -320,6 +354,7 @@ int main(void) {
   test_transform(device);
   test_append(device);
   test_mirrors(device);
+  test_antialias();
   test_offset_file();
   test_fewer();
   test_refusals();

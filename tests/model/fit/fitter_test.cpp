@@ -32,7 +32,8 @@ struct Objective {
   bool similar = true;
   ref::Left left;
   Parameters home;
-  std::vector<float> target = {};  // fixed at the parameters at which the gradient is taken
+  std::vector<float> variances = {};  // of the 3D filter; empty: none
+  std::vector<float> target = {};     // fixed at the parameters at which the gradient is taken
 
   Gaussians gaussians(const Parameters& x) const {
     Gaussians g;
@@ -42,6 +43,11 @@ struct Objective {
     for (const float v : x.log_scales) g.scales.push_back(static_cast<float>(ref::splat_scale(v)));
     for (std::size_t k = 0; k < g.count; ++k)
       g.opacities.push_back(static_cast<float>(ref::splat_opacity(x.logits[k], left, k)));
+    for (std::size_t i = 0; i < g.scales.size() && !variances.empty(); ++i) {
+      const double s = static_cast<double>(g.scales[i]), filtered = std::hypot(s, std::sqrt(variances[i / 3]));
+      g.opacities[i / 3] *= static_cast<float>(s / filtered);
+      g.scales[i] = static_cast<float>(filtered);
+    }
     return g;
   }
 
@@ -144,6 +150,7 @@ class FitterTest : public test::FlavourTest {
     const Gaussians start = wide_ones();
     ref::Options drawing;
     drawing.near = kNear;
+    drawing.antialias = options.antialias;
     drawing.mirror = Eigen::Vector3f(0.1f, -0.2f, 0.3f).cast<double>();
     const auto random =
         philox4x32_10({0, static_cast<std::uint32_t>(steps), stream_of("fit.background"), 0}, rng_key(options.seed));
@@ -159,6 +166,9 @@ class FitterTest : public test::FlavourTest {
       for (std::size_t i = 0; i < picture.rgba.size() / 4; ++i) picture.known.push_back(i % 5 == 0 ? 0 : 255);
     const DeviceFitPicture given = upload(ctx(), picture);
     Fitter fitter(ctx(), start, kNear, mirror, options);
+    Camera nearer = camera;
+    nearer.fx *= 0.05, nearer.fy *= 0.05;  // pixels that are as large as the Gaussians
+    if (options.antialias) fitter.set_cameras({nearer});
     Objective objective{picture, options, drawing, false, {}, read(fitter.parameters())};
     for (int i = 0; i < steps; ++i) fitter.step(given);
     fitter.differentiate(given);
@@ -166,6 +176,7 @@ class FitterTest : public test::FlavourTest {
     const GaussianGradients g = fitter.gradient();
     const Parameters got = read({g.means, g.scales, g.quats, g.opacities, g.sh});
 
+    if (options.antialias) objective.variances = fitter.state().at("filter.variances").data;
     objective.drawing.background = background;
     objective.similar = options.ssim_weight > 0;
     objective.left = left;
@@ -276,6 +287,30 @@ TEST_P(FitterTest, GradientMatchesDifferencesLaterOn) {
   check_gradient(options, 2, true, false);
   options.drop = 0.3f;
   check_gradient(options, 4, true, false);
+}
+
+TEST_P(FitterTest, GradientMatchesDifferencesWithAntialiasing) {
+  FitOptions options = all_terms();
+  options.antialias = true;
+  check_gradient(options, 0, true, true);
+  check_gradient(options, 3, true, false);
+}
+
+// Gaussians of a fit's own pictures stay as they are, and finer ones become as wide as a fifth of a pixel.
+TEST_P(FitterTest, TheFilterLetsNoGaussianBeFinerThanThePictures) {
+  const Camera camera = test::look_at({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 40, 40, 50);
+  Gaussians g = scene(6, 3);
+  for (std::size_t k = 0; k < 6; ++k)
+    for (std::size_t i = 0; i < 3; ++i) g.means[3 * k + i] *= 0.1f, g.scales[3 * k + i] = k < 3 ? 0.1f : 0.004f;
+  FitOptions options;
+  options.antialias = true;
+  Fitter fitter(ctx(), g, kNear, {}, options);
+  fitter.set_cameras({camera});
+  const Gaussians seen = fitter.gaussians();
+  ASSERT_EQ(seen.count, 6u);
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(seen.scales[i], 0.1f, 1e-5);
+  for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(seen.opacities[k], g.opacities[k], 1e-4);
+  for (std::size_t i = 9; i < 18; ++i) EXPECT_GT(seen.scales[i], 0.2 * 1.9 / 50);
 }
 
 TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {

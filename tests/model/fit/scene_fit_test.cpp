@@ -183,6 +183,19 @@ TEST_F(SceneFitTest, SameBitsThreeTimesAndAnotherSeedOthers) {
   EXPECT_NE(run(request).scene.gaussians.means, first.scene.gaussians.means);
 }
 
+TEST_F(SceneFitTest, AntialiasingIsThatOfTheRequestOrOfTheStart) {
+  make(12);
+  FitRequest request;
+  request.steps = 20;
+  EXPECT_FALSE(run(request).scene.antialias);
+  request.antialias = true;
+  EXPECT_TRUE(run(request).scene.antialias);
+  EXPECT_TRUE(SceneFit(ctx(), photographs_, start(), request).result().scene.antialias);  // the start is returned
+  request.antialias = false;
+  start_.antialias = true;
+  EXPECT_TRUE(run(request).scene.antialias);
+}
+
 // Stopped at any time, the fit continues from its last checkpoint with the same bits.
 TEST_F(SceneFitTest, ResumedWithTheSameBits) {
   for (const int views : {3, 12}) {
@@ -194,6 +207,7 @@ TEST_F(SceneFitTest, ResumedWithTheSameBits) {
     request.steps = views == 3 ? 0 : 80;
     request.max_gaussians = 150;
     request.poses = request.exposure = true;
+    request.antialias = views == 12;
     const FitResult want = run(request);
     for (const long left_at : {1L, 26L, 130L, 333L}) {
       const test::TemporaryFolder folder;

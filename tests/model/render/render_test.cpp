@@ -43,6 +43,7 @@ using test::SceneCase;
 void expect_like_reference(Context& ctx, const Gaussians& g, const Camera& cam, const RenderOptions& options = {}) {
   ref::Options ro;
   ro.near = options.near;
+  ro.antialias = options.antialias;
   for (std::size_t c = 0; c < 3; ++c) ro.background[c] = options.background[c];
   if (options.mirror) ro.mirror = Eigen::Vector3d((*options.mirror)[0], (*options.mirror)[1], (*options.mirror)[2]);
   const ref::Frame want = ref::render(g, cam, ro);
@@ -60,6 +61,7 @@ TEST_P(Render, MatchesReference) {
       SCOPED_TRACE(c.name + " seed " + std::to_string(seed));
       RenderOptions options;
       options.background = {1, 0.5f, 0};
+      options.antialias = seed == 2;
       expect_like_reference(ctx(), test::make_scene(c, seed), test::make_camera(c, seed), options);
     }
   }
@@ -70,6 +72,26 @@ TEST_P(Render, MirrorsTheCameraForColours) {
   RenderOptions options;
   options.mirror = {0.1f, -0.2f, 0.3f};
   expect_like_reference(ctx(), test::make_scene(c, 5), test::make_camera(c, 5), options);
+}
+
+// What is smaller than a pixel gives light in proportion to its area with anti-aliasing, and far more without.
+TEST_P(Render, AntialiasedLightFollowsTheSize) {
+  Gaussians g;
+  g.count = 1;
+  g.means = {0, 0, 0}, g.scales = {0.01f, 0.02f, 0.01f}, g.quats = {1, 0, 0, 0}, g.opacities = {0.9f};
+  g.sh = {1, 1, 1};
+  const auto light = [&](double focal, bool antialias) {
+    const Camera cam = test::look_at({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 32, 32, focal);
+    RenderOptions options;
+    options.antialias = antialias;
+    double sum = 0;
+    for (const float a : render_picture(ctx(), upload(ctx(), g), cam, options).alpha.data)
+      sum += static_cast<double>(a);
+    return sum / (focal * focal);
+  };
+  // Deviations of 0.2 by 0.4 pixels, and of 0.8 by 1.6. A few percent lie where alpha is below 1/255.
+  EXPECT_NEAR(light(40, true) / light(160, true), 1, 0.07);
+  EXPECT_GT(light(40, false) / light(160, false), 3);
 }
 
 TEST_P(Render, ObeysTheNearPlane) {

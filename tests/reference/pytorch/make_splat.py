@@ -7,7 +7,7 @@ makes of them in float64, and what autograd then says.
 Tensors, float32 (the inputs are read exactly): K Gaussians, S coefficients, V cameras of H x W pixels.
     input.{means,scales,quats,opacities,sh}   [K,3] [K,3] [K,4] [K] [K,S,3]; quats of any length
     input.w2c [V,4,4], input.intrinsics [V,4] (fx fy cx cy), input.background [3], input.near [1], and, where the scene
-    has it, input.mirror [3]
+    has it, input.mirror [3] and input.antialias [1]
     picture.{colour,alpha,depth}              [V,H,W,3] [V,H,W] [V,H,W]
     cotangent.{colour,alpha,depth}            random, as the pictures
     grad.{means,scales,quats,opacities,sh}    of the sum over cameras and pictures of cotangent . picture
@@ -43,6 +43,8 @@ SMALL = {
     "wide": (12, 1, 50, 10, 1, "wide"),
     "one_pixel": (50, 1, 1, 1, 2, ""),
     "empty": (0, 1, 19, 7, 1, ""),
+    "antialias": (70, 2, 37, 21, 2, "small antialias"),
+    "antialias_needles": (40, 1, 40, 30, 1, "needles antialias"),
 }
 LARGE = {
     "plain": (500, 1, 96, 80, 2, ""),
@@ -102,7 +104,7 @@ def cameras(rng, views, width, height, kind):
     return widen(poses), widen(lenses)
 
 
-def offenders(g, w2c, lens, width, height, near, mirror):
+def offenders(g, w2c, lens, width, height, near, mirror, antialias):
     """Which Gaussians (K,) come so near a jump or a kink that float32 may well fall on its other side: alpha within 1e-4 of 1/255 or
     0.99, transmittance within 1e-3 of 1e-4, camera z within 1e-4 of the near plane or within 2e-6 of another's (unless
     exactly there), the 3-sigma square within 1e-3 pixels of gaining a pixel or a tile, x/z or y/z within 1e-4 of
@@ -130,6 +132,7 @@ def offenders(g, w2c, lens, width, height, near, mirror):
     cov = S @ S.transpose(1, 2) + 0.3 * torch.eye(2, dtype=z.dtype)
     conic = torch.inverse(cov)
     mid, det = (cov[:, 0, 0] + cov[:, 1, 1]) / 2, torch.det(cov)
+    opacities = g.opacities[order] * (splat3d.compensation(S, det) if antialias else 1)
     three_sigma = 3 * torch.sqrt(mid + torch.sqrt((mid * mid - det).clamp(min=0.1)))
     bad[order[((three_sigma - three_sigma.round()).abs() / three_sigma.clamp(min=1) < 1e-5)]] = True
     centre = torch.stack([fx * x / z + cx, fy * y / z + cy], -1)
@@ -150,7 +153,7 @@ def offenders(g, w2c, lens, width, height, near, mirror):
     for row in range(height):
         pixel = torch.stack([torch.arange(width) + 0.5, torch.full((width,), row + 0.5)], -1).double()
         d = pixel[:, None] - centre[None]
-        alpha = g.opacities[order] * torch.exp(-0.5 * torch.einsum("pki,kij,pkj->pk", d, conic, d))
+        alpha = opacities * torch.exp(-0.5 * torch.einsum("pki,kij,pkj->pk", d, conic, d))
         tile = torch.stack([torch.arange(width) // 16, torch.full((width,), row // 16)], -1)[:, None]
         alpha = torch.where(((tile >= low) & (tile < high)).all(-1), alpha, torch.zeros_like(alpha))
         close = ((alpha / splat3d.MIN_ALPHA - 1).abs() < 1e-4) | ((alpha / splat3d.MAX_ALPHA - 1).abs() < 1e-4)
@@ -163,8 +166,9 @@ def offenders(g, w2c, lens, width, height, near, mirror):
 
 
 def settled_scene(name, shape):
-    """Gaussians, w2c, intrinsics, near, mirror."""
+    """Gaussians, w2c, intrinsics, near, mirror, antialias."""
     count, degree, width, height, views, kind = shape
+    antialias, kind = "antialias" in kind, kind.removesuffix(" antialias")
     rng = np.random.default_rng([*name.encode()])
     w2c, lens = cameras(rng, views, width, height, kind)
     near = float(np.float32(0.2))
@@ -174,9 +178,9 @@ def settled_scene(name, shape):
         g = splat3d.Gaussians(*[torch.tensor(c) for c in columns])
         bad = torch.zeros(count, dtype=torch.bool)
         for v in range(views):
-            bad |= offenders(g, w2c[v], lens[v], width, height, near, mirror)
+            bad |= offenders(g, w2c[v], lens[v], width, height, near, mirror, antialias)
         if not bad.any():
-            return g, w2c, lens, near, mirror
+            return g, w2c, lens, near, mirror, antialias
         again = draw(rng, int(bad.sum()), degree, kind)
         for c, fresh in zip(columns, again):
             c[bad.numpy()] = fresh
@@ -189,15 +193,15 @@ def hat(xi):
     return torch.stack([zero, -o[2], o[1], xi[3], o[2], zero, -o[0], xi[4], -o[1], o[0], zero, xi[5], zero, zero, zero, zero]).reshape(4, 4)
 
 
-def pictures(g, w2c, lens, width, height, background, near, mirror):
+def pictures(g, w2c, lens, width, height, background, near, mirror, antialias):
     fx, fy, cx, cy = lens
     K = torch.tensor([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=torch.float64)
-    return splat3d.render(g, torch.inverse(w2c), K, width, height, background, near, mirror, chunk=1024)
+    return splat3d.render(g, torch.inverse(w2c), K, width, height, background, near, mirror, 1024, antialias)
 
 
 def case(name, shape):
     count, degree, width, height, views, kind = shape
-    g, w2c, lens, near, mirror = settled_scene(name, shape)
+    g, w2c, lens, near, mirror, antialias = settled_scene(name, shape)
     torch.manual_seed(sum(name.encode()))
     background = widen([1.0, 0.5, 0.25])
     for field in g.fields():
@@ -206,10 +210,12 @@ def case(name, shape):
     out.update({"input.w2c": w2c, "input.intrinsics": lens, "input.background": background, "input.near": torch.tensor([near])})
     if mirror is not None:
         out["input.mirror"] = mirror
+    if antialias:
+        out["input.antialias"] = torch.ones(1)
     shots, cotangents, twists = [], [], []
     for v in range(views):
         xi = torch.zeros(6, dtype=torch.float64, requires_grad=True)
-        shot = pictures(g, torch.matrix_exp(hat(xi)) @ w2c[v], lens[v], width, height, background, near, mirror)
+        shot = pictures(g, torch.matrix_exp(hat(xi)) @ w2c[v], lens[v], width, height, background, near, mirror, antialias)
         cotangent = [widen(torch.randn_like(x)) for x in shot]
         loss = sum((c * x).sum() for c, x in zip(cotangent, shot))
         if loss.requires_grad:

@@ -57,7 +57,12 @@ def sh_basis(d, count):
     return torch.stack(b, -1)
 
 
-def render(g: Gaussians, c2w, K, width, height, background, near=0.2, mirror=None, chunk=4096):
+def compensation(S, det):
+    """sqrt(det(S S^T) / det), with S (K,2,3) and det (K,) of S S^T + 0.3 I; det(S S^T) is the square of its rows' cross product."""
+    return torch.sqrt(torch.linalg.cross(S[:, 0], S[:, 1]).square().sum(-1) / det)
+
+
+def render(g: Gaussians, c2w, K, width, height, background, near=0.2, mirror=None, chunk=4096, antialias=False):
     """3D Gaussian splatting as in the original CUDA rasteriser, without tiles: every pixel
     composites every Gaussian, near to far. -> image (H,W,3), alpha (H,W), depth (H,W).
 
@@ -69,7 +74,8 @@ def render(g: Gaussians, c2w, K, width, height, background, near=0.2, mirror=Non
     colour is not clamped above; depth is the sum of weight x camera z, not divided by alpha.
     Gradients are the true derivatives (autograd), also where the CUDA code's differ.
 
-    `mirror` (3,): colours as seen from the camera's mirror image about this point, see `negate_camera_centre`."""
+    `mirror` (3,): colours as seen from the camera's mirror image about this point, see `negate_camera_centre`.
+    `antialias`: opacities are multiplied by `compensation`, as in Mip-Splatting."""
     dev = g.means
     w2c = torch.inverse(c2w)
     W, t = w2c[:3, :3], w2c[:3, 3]
@@ -95,7 +101,7 @@ def render(g: Gaussians, c2w, K, width, height, background, near=0.2, mirror=Non
     sh = g.sh[order]
     basis = sh_basis(F.normalize(mean - centre, dim=-1), sh.shape[1])
     colour = torch.clamp((basis[..., None] * sh).sum(1) + 0.5, min=0)
-    op = g.opacities[order]
+    op = g.opacities[order] * (compensation(S, det) if antialias else 1)
     # the CUDA code measures pixels from their integer index: u - 0.5 there equals u here
     ud, vd = u.detach() - 0.5, v.detach() - 0.5
     tiles_x, tiles_y = (width + 15) // 16, (height + 15) // 16

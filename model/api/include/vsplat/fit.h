@@ -111,15 +111,16 @@ typedef struct vsplat_fit_options {
   int32_t resume;         /* 1: resume from `checkpoint` if it holds a state; that must be of the same request and the
                              same tuned parameters (vsplat_device_info.tuning) */
   vsplat_fit_extent extent;
-  double
-      near_plane; /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole scene a
+  double near_plane; /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole scene a
                         hundredth of the distance to the nearest points that the pictures show */
   vsplat_fit_quality quality;
+  int32_t antialias;      /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
+                             vsplat_scene_info.antialias; a start that has it is always fitted so */
 } vsplat_fit_options;
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT                             \
+        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0                          \
   }
 
 /* A fit in progress. Belongs to its device. */

@@ -40,6 +40,15 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_orbit_scene(vsplat_scen
                                                                      const vsplat_orbit_options* options,
                                                                      vsplat_cameras* out_cameras);
 
+/* Anti-aliasing. A Gaussian's covariance S in the picture, in pixels^2, is drawn as S + 0.3 I, so that it covers at
+   least about a pixel. With anti-aliasing its opacity is multiplied by sqrt(det S / det(S + 0.3 I)): what is smaller than
+   a pixel becomes fainter instead of larger (Mip-Splatting). Scenes that were not fitted so look too thin with it. */
+typedef enum vsplat_antialias {
+  VSPLAT_ANTIALIAS_SCENE = 0, /* as vsplat_scene_info.antialias says */
+  VSPLAT_ANTIALIAS_ON = 1,    /* VSPLAT_ERROR_USAGE: the scene has surfels */
+  VSPLAT_ANTIALIAS_OFF = 2
+} vsplat_antialias;
+
 typedef struct vsplat_render_options {
   size_t size;
   float background[3]; /* sRGB-encoded */
@@ -54,9 +63,10 @@ typedef struct vsplat_render_options {
                            from, and a pixel is at least twice as wide as theirs, as many samples as stay no finer than
                            those pictures and within 2048 pixels drawn; else 1. Gradients accept only 0 and 1, both one
                            sample */
+  vsplat_antialias antialias;
 } vsplat_render_options;
 #define VSPLAT_RENDER_OPTIONS_INIT \
-  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL, 0, 0 }
+  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL, 0, 0, VSPLAT_ANTIALIAS_SCENE }
 
 /* The caller's arrays; NULL for a plane that is not wanted. A call that draws needs at least one. VSPLAT_ERROR_USAGE:
    two arrays of one picture share memory. */

@@ -33,11 +33,10 @@ typedef struct vsplat_scene_info {
      vsplat_render_options.supersample 0 chooses by it; 0: unknown, one sample a pixel. */
   double detail_pixel;
   double detail_middle[3]; /* centre of the object, relative to `offset` */
+  int32_t antialias;       /* 1: made to be drawn with anti-aliasing (vsplat_render_options); never 1 for surfels */
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT                                                                             \
-  {                                                                                                        \
-    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, 0, 0.0, { 0, 0, 0 } \
-  }
+#define VSPLAT_SCENE_INFO_INIT \
+  { sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, 0, 0.0, {0, 0, 0}, 0 }
 
 /* The caller's arrays; NULL for one that is not wanted. K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
@@ -74,9 +73,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_memory(const void* b
                                                                    vsplat_scene* out_scene);
 
 /* Makes a scene from values in memory, which are copied. Read from `info` are count, sh_degree, near_plane (0: 0.2),
-   mirror, up (of any length), offset, surfels and detail. Of `arrays`, none may be NULL. Rotations may have any length
-   but 0, scales may not be negative, opacities lie in [0,1], and every value is finite; VSPLAT_ERROR_INPUT names the
-   first that breaks this. */
+   mirror, up (of any length), offset, surfels, detail and antialias. Of `arrays`, none may be NULL. Rotations may have
+   any length but 0, scales may not be negative, opacities lie in [0,1], and every value is finite; VSPLAT_ERROR_INPUT
+   names the first that breaks this. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
                                                               const vsplat_gaussians* arrays, vsplat_scene* out_scene);
 /* Replaces values of the same Gaussians, checked and copied as in vsplat_scene_create; arrays that are NULL stay
@@ -90,8 +89,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_update(vsplat_scene scene
 /* Adds the Gaussians of `other`, which is unchanged. `transform` moves them; NULL: they stay in place. To draw several
    scenes in one picture, append each to an empty scene (vsplat_scene_create with a count of 0). The result has the
    higher sh_degree and the nearer near plane; up, offset and detail are those of `scene`, or of `other` if `scene` is
-   empty. VSPLAT_ERROR_INPUT: one has surfels and the other has not. If only one has a mirror, or the mirrors differ,
-   the result has none, and colours that depend on the direction stay as seen from far away. */
+   empty. VSPLAT_ERROR_INPUT: one has surfels and the other has not. If only one has `antialias`, a warning says so, and
+   the result has that of `scene`. If only one has a mirror, or the mirrors differ, the result has none, and colours that
+   depend on the direction stay as seen from far away. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_append(vsplat_scene scene, vsplat_scene other,
                                                               const double transform[16]);
 /* Moves the whole scene, with its mirror, up direction and detail. The near plane is scaled too. */

@@ -38,7 +38,8 @@ inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
       project_surfels_backward(c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, twists,
                                        surfels->current ? SurfelRevision::current : SurfelRevision::lara});
     else
-      project_backward(c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, twists});
+      project_backward(c.ctx,
+                       {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, twists, volumes.antialias});
   };
   run();
   const std::size_t scales = surfels ? 2 : 3;

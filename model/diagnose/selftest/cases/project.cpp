@@ -63,7 +63,7 @@ void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Opt
   const DeviceGaussians d = upload(c.ctx, g);
   const Culled culled{c.up({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef)), c.ctx.tensor({k}, Type::u32),
                       Tensor()};
-  project_cull(c.ctx, d, 0, views, 1, cam.width, cam.height, culled);
+  project_cull(c.ctx, d, 0, views, 1, cam.width, cam.height, culled, options.antialias);
   const auto rects = c.ctx.read<std::uint32_t>(culled.rects), keys = c.ctx.read<std::uint32_t>(culled.keys);
   bool right = true;
   std::vector<std::uint32_t> ids;
@@ -75,8 +75,8 @@ void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Opt
   if (ids.empty() || !right) return;
   const long n = static_cast<long>(ids.size()), first = n / 3;
   const Tensor seen = c.up({n}, ids), records = c.gap({n, 12});
-  project_forward(c.ctx, {d, 0, views, 1, seen, 0, first, records});
-  project_forward(c.ctx, {d, 0, views, 1, seen, first, n - first, records});
+  project_forward(c.ctx, {d, 0, views, 1, seen, 0, first, records, options.antialias});
+  project_forward(c.ctx, {d, 0, views, 1, seen, first, n - first, records, options.antialias});
   const auto got = c.ctx.read<float>(records);
   double worst = 0;
   for (std::size_t i = 0; i < ids.size(); ++i)
@@ -88,7 +88,8 @@ void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Opt
 void project_all(Checks& c) {
   for (const SceneCase& s : scene_cases())
     if ((s.count > 0 || c.all) && !(c.quick && (s.count > 300 || s.kind == "discs")))
-      project_of(c, make_scene(s, 21), make_camera(s, 21), {});
+      for (const bool antialias : {false, true})
+        project_of(c, make_scene(s, 21), make_camera(s, 21), {.antialias = antialias});
   if (!c.all) return;
   const SceneCase mirrored{"", 100, 2, 64, 64, ""}, long_quats{"", 60, 0, 64, 64, ""};
   project_of(c, make_scene(mirrored, 22), make_camera(mirrored, 22), {.mirror = Eigen::Vector3d(0.5, -1, 0.25)});
@@ -102,9 +103,13 @@ void project_backward_all(Checks& c) {
                              {"", 120, 3, 64, 48, ""},
                              {"", 65, 2, 61, 97, "off-centre"},
                              {"", 63, 0, 96, 96, "needles"}})
-    if (!c.quick || s.count < 70) check_projection(c, make_scene(s, 31), make_camera(s, 31), {});
+    for (const bool antialias : {false, true})
+      if (!c.quick || s.count < 70)
+        check_projection(c, make_scene(s, 31), make_camera(s, 31), {}, {.antialias = antialias});
   if (c.all) {
-    for (const SceneCase& s : scene_cases()) check_projection(c, make_scene(s, 31), make_camera(s, 31), {});
+    for (const SceneCase& s : scene_cases())
+      for (const bool antialias : {false, true})
+        check_projection(c, make_scene(s, 31), make_camera(s, 31), {}, {.antialias = antialias});
     const SceneCase mirrored{"", 100, 3, 64, 64, ""}, any_length{"", 60, 0, 64, 64, ""};
     check_projection(c, make_scene(mirrored, 32), make_camera(mirrored, 32), {},
                      {.mirror = Eigen::Vector3d(0.5, -1, 0.25)});

@@ -26,7 +26,8 @@ struct Splat {
 struct Options {
   double near = 0.2f;
   std::array<double, 3> background{1, 1, 1};
-  std::optional<Eigen::Vector3d> mirror;
+  std::optional<Eigen::Vector3d> mirror = {};
+  bool antialias = false;  // opacities times sqrt(det / det'), of the covariance before and after 0.3 is added
 };
 
 inline std::vector<double> basis(const Eigen::Vector3d& d, std::size_t count) {
@@ -82,6 +83,8 @@ inline Splat project(const Gaussians& g, std::size_t k, const Camera& cam, const
   s.y0 = tile(s.v - 0.5 - radius, tiles_y);
   s.y1 = tile(s.v - 0.5 + radius + 15, tiles_y);
   s.opacity = g.opacities[k];
+  if (options.antialias)  // by the cross product: with thin ones, det cancels even in double
+    s.opacity *= std::sqrt(S.row(0).transpose().cross(S.row(1).transpose()).squaredNorm() / det);
   const Eigen::Vector3d centre = options.mirror ? Eigen::Vector3d(2 * *options.mirror - cam.centre()) : cam.centre();
   const Eigen::Vector3d d = mean - centre;
   const std::size_t n = g.sh_count();

@@ -133,6 +133,25 @@ TEST_F(Ply, UpIsOfLengthOne) {
   EXPECT_EQ(read_ply(path()).up, (std::array<float, 3>{0, -0.6f, 0.8f}));
 }
 
+TEST_F(Ply, AntialiasingIsTheRenderModeMip) {
+  Scene scene;
+  scene.gaussians = test::make_scene({"", 2, 0, 0, 0, ""}, 1);
+  for (const bool antialias : {false, true}) {
+    scene.antialias = antialias;
+    write_ply(path(), scene);
+    EXPECT_EQ(bytes().find("comment SplatRenderMode: mip\n") != std::string::npos, antialias);
+    EXPECT_EQ(read_ply(path()).antialias, antialias);
+  }
+  for (const char* mode : {"default", "2dgs"}) {
+    put(header(1, kPlain, fmt::format("comment SplatRenderMode: {}\n", mode)) + floats(kRow));
+    EXPECT_FALSE(read_ply(path()).antialias) << mode;
+  }
+  EXPECT_EQ(warnings_.text(), "");
+  put(header(1, kPlain, "comment SplatRenderMode: blurred\n") + floats(kRow));
+  EXPECT_FALSE(read_ply(path()).antialias);
+  EXPECT_NE(warnings_.text().find("SplatRenderMode: blurred"), std::string::npos);
+}
+
 TEST_F(Ply, OffsetsAreKeptToTheBit) {
   Scene scene;
   scene.gaussians = test::make_scene({"", 3, 0, 0, 0, ""}, 1);
