@@ -39,6 +39,8 @@ struct FitRequest {
   int longest = 512;          // pixels of a picture's longer side; 0: the picture's own size
   FitFreeze freeze;
   bool poses = false, exposure = false;
+  DensityStrategy density = DensityStrategy::error;
+  double consolidate = 0;  // share of the Gaussians that stays at the end, below 1; 0: no consolidation
   std::uint64_t seed = 0;
   // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,
   // the fit continues from the checkpoint there.
