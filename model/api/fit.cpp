@@ -63,6 +63,16 @@ FitFreeze freeze_of(uint32_t bits) {
           (bits & VSPLAT_FREEZE_OPACITIES) != 0, (bits & VSPLAT_FREEZE_SH) != 0};
 }
 
+DensityStrategy density_of(vsplat_density density) {
+  switch (value_of(density)) {
+    case VSPLAT_DENSITY_ERROR:
+      return DensityStrategy::error;
+    case VSPLAT_DENSITY_MCMC:
+      return DensityStrategy::mcmc;
+  }
+  fail(Status::usage, "options.density is {}, not a value of vsplat_density", value_of(density));
+}
+
 FitRequest request_of(const vsplat_fit_options& o) {
   FitRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
@@ -84,6 +94,10 @@ FitRequest request_of(const vsplat_fit_options& o) {
   out.seed = o.seed;
   out.poses = o.poses != 0;
   out.exposure = o.exposure != 0;
+  out.density = density_of(o.density);
+  if (!(o.consolidate >= 0 && o.consolidate < 1))
+    fail(Status::usage, "options.consolidate is {}: 0, or a share below 1 expected", o.consolidate);
+  out.consolidate = o.consolidate;
   out.checkpoint = o.checkpoint ? o.checkpoint : "";
   out.resume = o.resume != 0;
   if (out.resume && out.checkpoint.empty())
