@@ -56,6 +56,7 @@ set(VSPLAT_OPERATIONS
   fit/splat_filter
   fit/splat_parameters
   fit/splat_relocate
+  fit/splat_split
   fit/surface_loss
 )
 # Operations of runtime/, which have cases of the self-test.

@@ -33,6 +33,11 @@
 #define COLUMNS 10
 #endif
 #define TWO_LN2 1.38629436f
+#ifdef WEIGH
+#define BY_DEPTH(z) 0.0f  // the depths that ddepth is a gradient of
+#else
+#define BY_DEPTH(z) (z)
+#endif
 // h of a pixel: gain and behind as below, a the blended alpha, full its value before the clamp to 0.99.
 #ifdef THROUGH_CLAMP
 #define SLOPE(gain, behind, a, full) (((gain) - (a) * (behind) / (1.0f - (a))) * ((full) / (a)))
@@ -82,7 +87,7 @@ static inline void start_tile(Tile* tile, Pictures p, int x0, int y0, float back
     tile->gr[b] = g[0], tile->gg[b] = g[1], tile->gb[b] = g[2], tile->gz[b] = gz;
     tile->base[b] = ga - (g[0] * background_r + g[1] * background_g + g[2] * background_b);
     tile->rest[b] = g[0] * (c[0] - background_r) + g[1] * (c[1] - background_g) + g[2] * (c[2] - background_b) +
-                    gz * load_block(p.depth, x, y, p.width, p.height) +
+                    gz * BY_DEPTH(load_block(p.depth, x, y, p.width, p.height)) +
                     ga * load_block(p.alpha, x, y, p.width, p.height);
     tile->T[b] =
         select((float16)(0.0f), (float16)(1.0f), (column < (float)(p.width - x)) & (row < (float)(p.height - y)));
@@ -105,7 +110,7 @@ static inline void load_batch(Batch* batch, global const float* records, global 
     global const float* record = records + (size_t)ids[i] * 12;
     batch->u[i] = record[0] - ((float)x0 + 0.5f);
     batch->v[i] = record[1] - ((float)y0 + 0.5f);
-    batch->far[i] = record[3];
+    batch->far[i] = BY_DEPTH(record[3]);
     batch->lo[i] = record[4];
     batch->k[i] = record[5];
     batch->qx[i] = record[6];
@@ -265,7 +270,8 @@ INLINE void start_column(Column* own, global const float* colour, global const f
     if (inside && ddepth) grad.w = ddepth[at];
     const float ga = inside && dalpha ? dalpha[at] : 0.0f;
     own->grad[p] = grad;
-    own->rest[p] = inside ? dot(grad.xyz, vload3(at, colour) - background) + grad.w * depth[at] + ga * alpha[at] : 0.0f;
+    own->rest[p] =
+        inside ? dot(grad.xyz, vload3(at, colour) - background) + grad.w * BY_DEPTH(depth[at]) + ga * alpha[at] : 0.0f;
     own->base[p] = ga - dot(grad.xyz, background);
   }
 }
@@ -273,7 +279,7 @@ INLINE void start_column(Column* own, global const float* colour, global const f
 // Blends a record (place, form and tint are its twelve numbers) into the work-item's pixels. Adds to sums [COLUMNS];
 // returns whether any pixel sees it.
 INLINE bool blend_backward(Column* own, float4 at, float4 f, float4 tint, float* sums) {
-  const float4 c = (float4)(tint.xyz, at.w);
+  const float4 c = (float4)(tint.xyz, BY_DEPTH(at.w));
   const float dx = (at.x - ((float)own->x0 + 0.5f)) - (float)own->x;
   bool hit = false;
   float left = 0.0f;

@@ -75,6 +75,16 @@ FitQuality quality_of(int quality) {
   fail(Status::usage, "options.quality is {}, not a value of vsplat_fit_quality", quality);
 }
 
+DensityStrategy density_of(vsplat_density density) {
+  switch (value_of(density)) {
+    case VSPLAT_DENSITY_ERROR:
+      return DensityStrategy::error;
+    case VSPLAT_DENSITY_MCMC:
+      return DensityStrategy::mcmc;
+  }
+  fail(Status::usage, "options.density is {}, not a value of vsplat_density", value_of(density));
+}
+
 FitRequest request_of(const vsplat_fit_options& o) {
   FitRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
@@ -100,6 +110,10 @@ FitRequest request_of(const vsplat_fit_options& o) {
   out.poses = o.poses != 0;
   out.exposure = o.exposure != 0;
   out.antialias = o.antialias != 0;
+  out.density = density_of(o.density);
+  if (!(o.consolidate >= 0 && o.consolidate < 1))
+    fail(Status::usage, "options.consolidate is {}: 0, or a share below 1 expected", o.consolidate);
+  out.consolidate = o.consolidate;
   out.checkpoint = o.checkpoint ? o.checkpoint : "";
   out.resume = o.resume != 0;
   if (out.resume && out.checkpoint.empty())

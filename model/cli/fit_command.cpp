@@ -185,6 +185,17 @@ void add_fit_options(CLI::App& sub, FitOptions& o) {
                  "does not grow)")
       ->type_name("N")
       ->group(what);
+  sub.add_option(
+         "--strategy", o.strategy,
+         "Where it grows: error splits what covers the pictures' errors, mcmc adds Gaussians where opaque ones are "
+         "(default: error)")
+      ->check(one_of({"error", "mcmc"}))
+      ->type_name("error|mcmc")
+      ->group(what);
+  sub.add_option("--consolidate", o.consolidate,
+                 "Share of its Gaussians that stays after the steps, the most visible ones; 300 more steps follow")
+      ->type_name("SHARE")
+      ->group(what);
   sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 with many views)")
       ->check(one_of({"0", "1", "2", "3"}))
       ->type_name("0..3")

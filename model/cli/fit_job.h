@@ -14,7 +14,7 @@ namespace command {
 // Options as given; "" if not given. `vsplat fit` has all of them.
 struct FitOptions {
   std::string steps, size, sheet;
-  std::string quality = "draft", seconds, max_gaussians, holdout, sh, freeze, seed, log, checkpoint;
+  std::string quality = "draft", seconds, max_gaussians, strategy, consolidate, holdout, sh, freeze, seed, log, checkpoint;
   bool poses = false, exposure = false, resume = false, antialias = false;
 };
 

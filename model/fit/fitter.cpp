@@ -9,6 +9,7 @@
 #include "model/ops/fit/picture_target.h"
 #include "model/ops/fit/splat_adam.h"
 #include "model/ops/fit/splat_filter.h"
+#include "model/ops/fit/splat_split.h"
 #include "model/ops/render/visible.h"
 #include "runtime/fail.h"
 #include "runtime/files/safetensors.h"
@@ -80,6 +81,11 @@ Fitter::Fitter(Context& ctx, const Gaussians& start, float near, const std::opti
     ctx.copy(all_.x.log_scales.first(count_), home_scales_);
   }
   loss_ = ctx.tensor({3}, Type::f32, "loss");
+  density_ = make_density(ctx, options.density, capacity);
+  if (density_->scores()) {
+    fresh_scores_ = ctx.tensor({capacity}, Type::f32, "scores of a picture");
+    ctx.fill_zero(fresh_scores_);
+  }
 }
 
 DeviceGaussians Fitter::activate(Context& c, const Dropping& dropping) const {
@@ -170,6 +176,11 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
   const Dropping dropping{options_.drop, options_.seed, now};
   bound_on_screen(picture.camera);
   const DeviceGaussians gaussians = activate(ctx_, dropping);
+  Tensor scores;
+  if (scores_count()) {
+    scores = fresh_scores_.first(count_);
+    ctx_.fill_zero(scores);
+  }
   const auto loss = [&](Context& c, const DevicePicture& drawn) {
     const long h = picture.camera.height, w = picture.camera.width;
     const Tensor target = c.tensor({h, w, 3}, Type::f32, "target");
@@ -189,9 +200,13 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
         options_.ssim_weight > 0 && std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
     picture_loss(c, a);
     if (aside.exposure) exposure_backward(c, {aside.exposure, drawn, how.background, by, aside.dexposure});
+    if (scores) {
+      by.depth = c.tensor({h, w}, Type::f32, "error");
+      splat_error(c, shown.colour, target, by.depth);
+    }
     return by;
   };
-  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()}, aside.dpose);
+  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()}, aside.dpose, scores);
   const auto share = [&](float weight) { return weight / static_cast<float>(std::max(count_, 1L)); };
   SplatParametersBackward back{parameters(), dropping, gradient()};
   back.opacity_weight = share(options_.opacity_weight);
@@ -207,8 +222,15 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
   splat_parameters_backward(ctx_, back);
 }
 
+// Whether a round of growth that uses scores is still to come.
+bool Fitter::scores_count() const {
+  if (!fresh_scores_ || options_.grow_every <= 0 || replaced_after_ > 0) return false;
+  return (step_ / options_.grow_every + 1) * options_.grow_every < options_.grow_until;
+}
+
 void Fitter::move() {
   const Uncancelled whole(ctx_);
+  if (scores_count()) add_scores(ctx_, fresh_scores_.first(count_), density_->scores().first(count_));
   ++step_;
   const SplatState now = vsplat::first(all_, count_);
   const GaussianGradients d = gradient();
@@ -217,7 +239,7 @@ void Fitter::move() {
   const double means = shape ? options_.rates.means * fall : 0;
   const auto adam = [&](const Tensor& x, const Tensor& g, const Tensor& m, const Tensor& v, double rate, float low,
                         float high, long head, double rest) {
-    SplatAdam a{x, g, m, v, step_, rate, head, rest};
+    SplatAdam a{x, g, m, v, step_ - replaced_after_, rate, head, rest};
     a.low = low;
     a.high = high;
     a.sparse = true;
@@ -233,7 +255,8 @@ void Fitter::move() {
   if (options_.noise > 0 && shape)
     splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed,
                        static_cast<std::uint32_t>(step_ - 1)});
-  const bool grows = options_.grow_every > 0 && step_ % options_.grow_every == 0 && step_ < options_.grow_until;
+  const bool grows = options_.grow_every > 0 && replaced_after_ == 0 && step_ % options_.grow_every == 0 &&
+                     step_ < options_.grow_until;
   if (grows) grow();
   if (grows || step_ % kFilterEvery == 0) find_variances();
 }
@@ -242,7 +265,7 @@ void Fitter::grow() {
   const long capacity = all_.x.count();
   const long more = static_cast<long>(std::floor(options_.growth * static_cast<double>(count_)));
   const long wanted = std::max(std::min(more, capacity), count_);
-  count_ = splat_relocate(ctx_, {all_, count_, wanted, options_.seed, static_cast<std::uint32_t>(step_)});
+  count_ = density_->grow(ctx_, {all_, count_, wanted, options_.seed, static_cast<std::uint32_t>(step_)});
 }
 
 Tensor Fitter::measure(const DeviceFitPicture& picture) {
@@ -280,17 +303,49 @@ void for_each_tensor(const SplatState& state, const F& use) {
 
 }  // namespace
 
+void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
+  bound_on_screen(picture.camera);
+  const auto ones = [&](Context& c, const DevicePicture& drawn) {
+    PictureGradient by;
+    by.depth = c.upload(drawn.alpha.shape(), std::vector<float>(static_cast<std::size_t>(drawn.alpha.count()), 1.0f),
+                        Type::f32, "ones");
+    return by;
+  };
+  // The gradient stays zero: the picture's is.
+  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, drawing(), ones, {gradient()}, nullptr, sums);
+}
+
+void Fitter::replace(const Gaussians& gaussians) {
+  const Uncancelled whole(ctx_);
+  count_ = static_cast<long>(gaussians.count);
+  replaced_after_ = step_;
+  views_ = variances_ = {};  // the Gaussians are filtered already
+  const SplatState now = vsplat::first(all_, count_);
+  const SplatParameters from = parameters_of(ctx_, gaussians, options_, count_);
+  for (const auto& [x, m, v, f] : {std::tuple{now.x.means, now.m.means, now.v.means, from.means},
+                                   {now.x.log_scales, now.m.log_scales, now.v.log_scales, from.log_scales},
+                                   {now.x.quats, now.m.quats, now.v.quats, from.quats},
+                                   {now.x.logits, now.m.logits, now.v.logits, from.logits},
+                                   {now.x.sh, now.m.sh, now.v.sh, from.sh}}) {
+    ctx_.copy(f, x);
+    ctx_.fill_zero(m);
+    ctx_.fill_zero(v);
+  }
+}
+
 FitTensors Fitter::state() const {
   FitTensors out;
   for_each_tensor(vsplat::first(all_, count_), [&](const std::string& name, const Tensor& t) {
     out[name] = {t.shape(), ctx_.read<float>(t)};
   });
   if (variances_) out["filter.variances"] = {{count_}, ctx_.read<float>(variances_.first(count_))};
+  if (const Tensor scores = density_->scores()) out["scores"] = {{count_}, ctx_.read<float>(scores.first(count_))};
   return out;
 }
 
-void Fitter::restore(const FitTensors& state, long steps_done) {
+void Fitter::restore(const FitTensors& state, long steps_done, long replaced_after) {
   const std::string first_name = "x.logits";  // a named variable: GCC 14 warns of a dangling reference to a temporary
+  if (replaced_after > 0) views_ = variances_ = {};
   const FitTensor& logits = tensor_of(state, first_name);
   if (logits.shape.size() != 1 || logits.shape[0] < 0 || logits.shape[0] > all_.x.count())
     fail(Status::format, "a fit's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),
@@ -304,7 +359,9 @@ void Fitter::restore(const FitTensors& state, long steps_done) {
   };
   for_each_tensor(vsplat::first(all_, count_), read);
   if (variances_) read("filter.variances", variances_.first(count_));
+  if (const Tensor scores = density_->scores()) read("scores", scores.first(count_));
   step_ = steps_done;
+  replaced_after_ = replaced_after;
 }
 
 Gaussians Fitter::gaussians() {

@@ -2,13 +2,14 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 
 #include "model/base/gaussians.h"
+#include "model/fit/density/density.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_picture.h"
 #include "model/ops/fit/loss.h"
-#include "model/ops/fit/splat_relocate.h"
 #include "model/render/render.h"
 #include "model/render/render_backward.h"
 
@@ -32,8 +33,9 @@ struct FitOptions {
   float drop = 0;                              // share of Gaussians dropped in a step
   float opacity_weight = 0, scale_weight = 0;  // regularisers on the means over Gaussians
   float pull = 0;                              // weight of a regulariser that keeps means and log scales near the start
-  long grow_every = 0;                         // steps between relocations; 0: no relocation
-  long grow_until = 0;                         // no relocation from this step on
+  DensityStrategy density = DensityStrategy::mcmc;
+  long grow_every = 0;  // steps between rounds of growth, which also replace nearly transparent Gaussians; 0: none
+  long grow_until = 0;  // no round from this step on
   double growth = 1.1;
   long max_gaussians = 0;  // at least the number of Gaussians of the start
   float noise = 0;         // factor on the means' learning rate, per unit of variance
@@ -66,13 +68,14 @@ class Fitter {
 
   long count() const { return count_; }
   long steps_done() const { return step_; }
+  long replaced_after() const { return replaced_after_; }  // steps; 0: replace() was never called
 
   // One step on one picture: differentiate(), then move().
   void step(const DeviceFitPicture& picture, const FitAside& aside = {});
   // Writes the gradient of this step's loss to gradient(), or zeros if it fails. Waits for the device like
   // render_with_backward().
   void differentiate(const DeviceFitPicture& picture, const FitAside& aside = {});
-  // Applies the gradient, sets it to zero, and periodically relocates Gaussians.
+  // Applies the gradient, sets it to zero, and periodically replaces and adds Gaussians.
   void move();
   // The last step's loss on the device, f32 [3], as PictureLoss::out.
   const Tensor& last_loss() const { return loss_; }
@@ -86,9 +89,15 @@ class Fitter {
   // Compares a rendering with a picture, on the device: f32 [3], as PictureLoss::out.
   Tensor measure(const DeviceFitPicture& picture);
   FitScore judge(const DeviceFitPicture& picture);
-  // The state that further steps depend on. restore() expects the options and the start that the state was made with.
+  // Adds to `sums`, f32 [count], each Gaussian's blending weights over the picture's pixels.
+  void add_weights(const DeviceFitPicture& picture, const Tensor& sums);
+  // Continues with these Gaussians, at most as many as there are now, with moments of zero and without growth.
+  void replace(const Gaussians& gaussians);
+
+  // The state that further steps depend on. restore() expects the options and the start that the state was made with,
+  // and after how many steps replace() was called last, 0 for never.
   FitTensors state() const;
-  void restore(const FitTensors& state, long steps_done);
+  void restore(const FitTensors& state, long steps_done, long replaced_after = 0);
   // The current scene, filtered, without Gaussians that are invisible or hold a value that is not finite.
   Gaussians gaussians();
 
@@ -100,6 +109,7 @@ class Fitter {
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   void find_variances();
   RenderOptions drawing() const;
+  bool scores_count() const;
   void grow();
 
   Context& ctx_;
@@ -107,12 +117,15 @@ class Fitter {
   float near_;
   std::optional<std::array<float, 3>> mirror_;
   long count_ = 0, step_ = 0;
+  long replaced_after_ = 0;    // steps done when replace() was called; 0: never
   SplatState all_;             // rows for the maximum number of Gaussians, as in the next three
   GaussianGradients dall_;     // zeros between steps
   Tensor scales_, opacities_;  // activated
   Tensor home_means_, home_scales_;
   Tensor views_, variances_;  // the filter's cameras and variances; none: no filter
   Tensor loss_;
+  std::unique_ptr<Density> density_;
+  Tensor fresh_scores_;  // [capacity], of the gradient's picture; none if the strategy uses no scores
 };
 
 }  // namespace vsplat

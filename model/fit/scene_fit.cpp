@@ -112,6 +112,8 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       return out;
     };
   used = listed_views(p.set, request.names, Option::fit_views);
+  if (request.consolidate > 0 && used.size() < kManyViews && !request.whole)
+    fail(Status::usage, "a consolidation needs {} views or more, {} are used", kManyViews, used.size());
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
@@ -187,6 +189,7 @@ void SceneFit::Impl::begin_leg() {
     std::erase_if(curve, [most = measured_by_all(rounds)](const auto& at) { return at.first > most; });
     leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
+  if (!in_folds()) leg_steps += consolidation_steps();
   last_psnr = std::nan("");
   falls = 0;
   fitter.reset();  // frees its memory before the next is allocated
@@ -288,9 +291,8 @@ long SceneFit::Impl::measured_by_all(std::size_t rounds) const {
   return out;
 }
 
-void SceneFit::Impl::judge() {
+Judged SceneFit::Impl::measure_held_out() {
   const Leg& now = legs[leg];
-  const long at = fitter->steps_done();
   const long compilations = ctx.profiler().compilations();
   Judged here;
   double took = 0;
@@ -303,10 +305,16 @@ void SceneFit::Impl::judge() {
     here.ssim += score.ssim;
     ++here.pictures;
   }
+  // Compilation, like the reading of pictures, is not repeated.
+  if (here.pictures > 0 && ctx.profiler().compilations() == compilations) look_seconds = took / here.pictures;
+  return here;
+}
+
+void SceneFit::Impl::judge() {
+  const long at = fitter->steps_done();
+  const Judged here = measure_held_out();
   if (here.pictures == 0) return;
   const Uncancelled whole(ctx);
-  // Compilation, like the reading of pictures, is not repeated.
-  if (ctx.profiler().compilations() == compilations) look_seconds = took / here.pictures;
   falls = mean(here).psnr < last_psnr ? falls + 1 : 0;
   last_psnr = mean(here).psnr;
   Judged& sum = curve[at];
@@ -324,6 +332,7 @@ bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = Clock::now();
   if (!left) {
+    if (consolidates_now()) consolidate();
     const int view = view_of_step(fitter->steps_done());
     if (fitter->steps_done() + 1 < leg_steps) {
       const int next = view_of_step(fitter->steps_done() + 1);
@@ -342,11 +351,19 @@ bool SceneFit::Impl::step() {
   follow(*left);
   left.reset();
   const double until_now = seconds + seconds_since(begun);
+  if (!done && request.seconds > 0 && consolidation_steps() > 0 && !is_consolidated() &&
+      until_now + seconds_of_next() + static_cast<double>(consolidation_steps()) * step_seconds >= request.seconds)
+    leg_steps = std::min(leg_steps, fitter->steps_done() + consolidation_steps());
   pace.add(seconds_since(begun), ctx.profiler().compilations());
   if (!done && request.seconds > 0 && until_now + seconds_of_next() >= request.seconds) finish();
   seconds += seconds_since(begun);
   if (look && !request.checkpoint.empty()) save();
   return !done;
+}
+
+bool SceneFit::Impl::consolidates_now() const {
+  return !in_folds() && consolidation_steps() > 0 && !is_consolidated() &&
+         fitter->steps_done() >= leg_steps - consolidation_steps();
 }
 
 double SceneFit::Impl::seconds_of_next() const {
@@ -355,7 +372,8 @@ double SceneFit::Impl::seconds_of_next() const {
   const long next = fitter->steps_done() + 1;
   const bool judges = next % recipe.judge_every == 0 || next >= leg_steps;
   double looks = judges ? static_cast<double>(now.judges.size()) : 0;
-  if (!in_folds()) looks += static_cast<double>(now.views.size());
+  // At the end every fitted picture is measured, and with growth also drawn with its gradient.
+  if (!in_folds()) looks += (recipe.options.grow_every > 0 ? 4 : 1) * static_cast<double>(now.views.size());
   return step_seconds + looks * look;
 }
 
@@ -386,16 +404,15 @@ void SceneFit::Impl::end_leg() {
 void SceneFit::Impl::finish() {
   if (done) return;
   if (!in_folds()) {
-    std::optional<Gaussians> made;
-    if ((request.whole || legs[leg].judges.empty()) && fitter->steps_done() > 0) made = fitter->gaussians();
+    if ((request.whole || legs[leg].judges.empty()) && fitter->steps_done() > 0 && !pruned && !unreduced) {
+      best = fitter->gaussians();
+      best_steps = fitter->steps_done();
+    }
+    prune();
     std::vector<FitScore> scores;
     if (fitter->steps_done() > 0)
       for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
     for (const std::size_t i : outliers(scores)) suspects.push_back(legs[leg].views[i]);
-    if (made) {
-      best = std::move(made);
-      best_steps = fitter->steps_done();
-    }
   }
   done = true;
 }
@@ -422,7 +439,7 @@ void SceneFit::stop() { impl_->finish(); }
 FitProgress SceneFit::progress() const {
   const Impl& i = *impl_;
   FitProgress out;
-  out.phase = i.legs[i.leg].phase;
+  out.phase = i.is_consolidated() ? "consolidating" : i.legs[i.leg].phase;
   out.step = i.fitter->steps_done();
   out.steps = i.leg_steps;
   out.gaussians = i.fitter->count();

@@ -45,6 +45,8 @@ struct FitRequest {
   FitFreeze freeze;
   bool poses = false, exposure = false;
   bool antialias = false;  // also on where Scene::antialias of the start is
+  DensityStrategy density = DensityStrategy::error;
+  double consolidate = 0;  // share of the Gaussians that stays at the end, below 1; 0: no consolidation
   std::uint64_t seed = 0;
   // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,
   // the fit continues from the checkpoint there.

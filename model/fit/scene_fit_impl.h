@@ -1,6 +1,7 @@
-// A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit and
-// scene_fit_state.
+// A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit, scene_fit_reduce
+// and scene_fit_state.
 #pragma once
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -43,6 +44,13 @@ struct SceneFit::Impl {
   void begin_leg();
   void end_leg();
   void judge();
+  Judged measure_held_out();
+  void reduce(const std::function<std::vector<std::size_t>(const std::vector<float>&)>& keep, long at);
+  void prune();
+  void consolidate();
+  bool is_consolidated() const;
+  long consolidation_steps() const;  // 0 without consolidation
+  bool consolidates_now() const;
   // The factor by which pictures are reduced in the step after `step` steps.
   int reduction_after(long step) const;
   const DeviceFitPicture& on_device(int view, int reduction = 1);
@@ -97,6 +105,9 @@ struct SceneFit::Impl {
   long steps_in_all = 0;
   StepPace pace;  // of this run
   std::optional<AfterStep> left;
+  long consolidated_after = 0;         // steps; 0: not yet
+  bool pruned = false;                 // whether `best` is
+  std::optional<Gaussians> unreduced;  // what prune() or consolidate() reduces, until it is done
   // The best scene of the last phase.
   std::optional<Gaussians> best;
   long best_steps = 0;

@@ -39,11 +39,13 @@ Gaussians best_in(const FitCheckpoint& from) {
 std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
-      "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} seed {} centre {} {} {} "
-      "edge {}",
+      "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} consolidate {} "
+      "seed {} "
+      "centre {} {} {} edge {}",
       r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
-      r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, r.seed, exact_text(given.placement.centre.x()),
-      exact_text(given.placement.centre.y()), exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
+      r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, static_cast<int>(r.density), exact_text(r.consolidate),
+      r.seed, exact_text(given.placement.centre.x()), exact_text(given.placement.centre.y()),
+      exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
   for (const Leg& each : legs) {
     out += " |";
     for (const int view : each.views)
@@ -90,6 +92,9 @@ void SceneFit::Impl::save() const {
   out.state["leg_began"] = exact_text(leg_began);
   out.state["last_psnr"] = exact_text(last_psnr);
   out.state["falls"] = std::to_string(falls);
+  out.state["replaced_after"] = std::to_string(fitter->replaced_after());
+  out.state["consolidated_after"] = std::to_string(consolidated_after);
+  out.state["pruned"] = pruned ? "1" : "0";
   for (const auto& [at, sum] : curve) {
     const std::string name = fmt::format("curve.{}", at);
     out.state[name + ".psnr"] = exact_text(sum.psnr);
@@ -119,7 +124,9 @@ void SceneFit::Impl::read_place(const FitCheckpoint& from) {
 // Restores the results of the current phase.
 void SceneFit::Impl::read_progress(const FitCheckpoint& from) {
   leg_steps = whole_number(from, "leg_steps");
-  fitter->restore(from.tensors, whole_number(from, "steps"));
+  fitter->restore(from.tensors, whole_number(from, "steps"), whole_number(from, "replaced_after"));
+  consolidated_after = whole_number(from, "consolidated_after");
+  pruned = whole_number(from, "pruned") != 0;
   best_steps = whole_number(from, "best_steps");
   steps_in_all = whole_number(from, "steps_in_all");
   seconds = number(from, "seconds");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/ops/fit/splat_split.h"
 #include "model/render/reserve.h"
 
 namespace vsplat {
@@ -40,15 +41,21 @@ Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
 
 namespace {
 
-// The gradients of one tile of the picture, which has been drawn. `twists`: project_backward()'s pose gradients.
+// The gradients of one part of the picture, which has been drawn. `twists`: project_backward()'s pose gradients.
 void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                    const Projected& projected, const Binned& binned, const DevicePicture& picture,
-                   const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists) {
+                   const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists,
+                   const Tensor& scores) {
   const bool surfels = scene.kind == GaussianKind::surfel, mirrored = options.mirror.has_value();
   const IntersectionGradients rows =
       surfels ? rasterize_surfels_backward(ctx, {projected, binned, part, options.background, picture, gradient,
                                                  options.near, options.revision})
-              : rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient});
+              : rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient, Pulls::none,
+                                         static_cast<bool>(scores)});
+  if (scores) {
+    const long tiles = tiles_along(picture.colour.dim(1)) * tiles_along(picture.colour.dim(0));
+    splat_scores(ctx, {projected, binned.offsets, rows, tiles / 2, scores});
+  }
   for (long i = 0; i < scene.chunks(); ++i) {
     const DeviceGaussians chunk = scene.get(ctx, i);
     const GaussianGradients& to = out.at(static_cast<std::size_t>(i));
@@ -65,7 +72,8 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOption
 }  // namespace
 
 void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
-                     const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose) {
+                     const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose,
+                     const Tensor& scores) {
   const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
   const Stage stage(ctx, "splat");
   const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
@@ -74,7 +82,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists);
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, scores);
                   if (!pose) return;
                   const Tensor sum = sum_twists(c, twists);
                   if (!c.planning()) poses.push_back(sum);
@@ -89,7 +97,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
 
 DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
                                   const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
-                                  std::array<double, 6>* pose) {
+                                  std::array<double, 6>* pose, const Tensor& scores) {
   const Stage stage(ctx, "splat");
   const DevicePicture picture = picture_in_room(ctx, scene, camera, options.maps);
   DrawnPicture drawn{picture};
@@ -101,7 +109,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists);
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, scores);
                   const Tensor sum = pose ? sum_twists(c, twists) : Tensor();
                   if (pose && &c == &ctx && !ctx.planning()) {
                     const auto values = ctx.read<float>(sum);
@@ -110,7 +118,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (&c == &ctx) done = true;  // not on the plan, which may not fit
                 });
   // With several parts, the loss needs the whole picture, which is complete only now.
-  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose);
+  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose, scores);
   return drawn;
 }
 

@@ -123,7 +123,9 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   bind_blended(d, a.projected, a.binned, part, a.picture, "12", "rasterize_backward");
   bind_gradient(d, a.binned, dp);
   const bool pulls = a.pulls != Pulls::none;
-  const std::string flavour = !pulls ? "" : a.pulls == Pulls::through ? " -DPULL -DTHROUGH_CLAMP" : " -DPULL";
+  const std::string flavour = !pulls                      ? a.weigh ? " -DWEIGH" : ""
+                              : a.pulls == Pulls::through ? " -DPULL -DTHROUGH_CLAMP"
+                                                          : " -DPULL";
   const IntersectionGradients out = make_rows(ctx, d["N"], pulls ? 2 : kColumns);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // As in drawing, only the bytes that must move count.

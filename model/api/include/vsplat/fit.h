@@ -65,10 +65,16 @@ typedef enum vsplat_freeze {
   VSPLAT_FREEZE_SH = 16
 } vsplat_freeze;
 
+/* Where a fit with many views takes Gaussians away and adds others; what is nearly transparent is always replaced. */
+typedef enum vsplat_density {
+  VSPLAT_DENSITY_ERROR = 0, /* those that cover the pictures' errors are split along their longest axis */
+  VSPLAT_DENSITY_MCMC = 1   /* others are added where opaque ones are, which share their opacity (3DGS-MCMC) */
+} vsplat_density;
+
 /* Progress of a fit. */
 typedef struct vsplat_fit_progress {
   size_t size;
-  char phase[32];      /* "leaving out 2 of 4", "fitting" */
+  char phase[32];      /* "leaving out 2 of 4", "fitting", "consolidating" */
   int64_t step, steps; /* of the phase */
   uint64_t gaussians;
   double loss;         /* of the last picture: mean absolute error plus the SSIM term; NaN before the first step */
@@ -116,11 +122,16 @@ typedef struct vsplat_fit_options {
   vsplat_fit_quality quality;
   int32_t antialias;      /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
                              vsplat_scene_info.antialias; a start that has it is always fitted so */
+  vsplat_density density;
+  double consolidate; /* 0: none. Above 0 and below 1, for 12 views or more: the share of the Gaussians that stays after
+                         the steps, those with the most visible pixels in the fitted pictures; 300 more steps follow.
+                         If the fit is stopped before, every Gaussian stays */
 } vsplat_fit_options;
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0                          \
+        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0,                         \
+        VSPLAT_DENSITY_ERROR, 0.0                                                                                      \
   }
 
 /* A fit in progress. Belongs to its device. */

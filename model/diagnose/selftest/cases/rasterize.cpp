@@ -50,6 +50,18 @@ void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity,
     };
     c.close_by_column(what, sums, each, wanted, 2e-5);
   }
+  if (pulls_alone) return;
+  RasterizeBackward weighing{p, b, whole, background, picture, by};
+  weighing.weigh = true;
+  const IntersectionGradients got = rasterize_backward(c.ctx, weighing);
+  std::vector<float> without_depth = r.records;
+  for (std::size_t i = 3; i < without_depth.size(); i += 12) without_depth[i] = 0;
+  const auto sums = rows_in_order(c.ctx.read<float>(got.rows), c.ctx.read<std::uint8_t>(got.touched), slots, 10);
+  const auto wanted = [&] {
+    return ref::blend_backward(without_depth, r.ids, r.starts, width, height, background, by_colour, by_alpha, by_depth,
+                               ref::RowKind::sums);
+  };
+  c.close_by_column("weighed values", sums, 10, wanted, 2e-5);
 }
 
 void rasterize_all(Checks& c) {
