@@ -169,9 +169,8 @@ std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const 
   return out;
 }
 
-FitSource start_of(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+FitSource start_of(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                    const std::vector<int>& used) {
-  const Photographs& photographs = views->photographs;
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
   FitSource made;
@@ -217,12 +216,12 @@ FitSource start_of(vsplat_device device, vsplat_views views, const vsplat_fit_op
 
 }  // namespace
 
-FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                      const std::vector<int>& used) {
-  FitSource out = start_of(device, views, o, used);
+  FitSource out = start_of(device, photographs, o, used);
   // A scene without an up direction gets the cameras' one; a distant scene gets an offset, since floats would not hold
   // its positions.
-  const Eigen::Vector3f up = listed_up(views->photographs).cast<float>();
+  const Eigen::Vector3f up = listed_up(photographs).cast<float>();
   const Eigen::Vector3d offset = offset_for(out.start.placement.centre, out.start.placement.edge);
   out.start.make = [make = std::move(out.start.make), up, offset](const std::vector<int>& fitted) {
     Scene scene = make(fitted);

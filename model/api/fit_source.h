@@ -15,8 +15,8 @@ struct FitSource {
 };
 
 // Places the object and checks what the start needs; `used` are the views of `o`. Keeps the scene or model of `o`
-// alive, but not device and views.
-FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+// alive, but not device and photographs.
+FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                      const std::vector<int>& used);
 
 }  // namespace vsplat::api

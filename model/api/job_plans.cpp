@@ -84,6 +84,7 @@ void plan_fitting(const Context& ctx) {
   options.grow_every = 1;
   options.grow_until = 2;
   options.noise = options.pull = 1;
+  options.background.kind = FitBackground::Kind::sky;
   plan_fit_step(ctx, start, options);
 }
 

@@ -48,6 +48,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
     const double rounds = std::max(1.0, 0.4 * static_cast<double>(out.steps) / static_cast<double>(o.grow_every));
     o.growth = std::pow(static_cast<double>(o.max_gaussians) / static_cast<double>(count), 1 / rounds);
   }
+  o.background = request.background;
   o.seed = request.seed;
   if (request.freeze.means) o.rates.means = 0;
   if (request.freeze.scales) o.rates.log_scales = 0;

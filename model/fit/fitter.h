@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "model/base/gaussians.h"
+#include "model/fit/background.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_picture.h"
 #include "model/ops/fit/loss.h"
@@ -23,12 +24,13 @@ struct FitRates {
 
 struct FitOptions {
   FitRates rates;
-  long steps = 800;                            // over which the means' learning rate decays
-  double means_fall = 0.1;                     // final decay factor of that rate
-  long colours_first = 0;                      // initial steps that change only colours and opacities
-  float ssim_weight = 0;                       // weight of 1 - SSIM in the loss, added to the mean absolute error
-  float alpha_weight = 0.1f;                   // weight of alpha's mean absolute error; masked pictures only
-  bool random_background = true;               // in every other step; masked pictures only
+  long steps = 800;           // over which the means' learning rate decays
+  double means_fall = 0.1;    // final decay factor of that rate
+  long colours_first = 0;     // initial steps that change only colours and opacities
+  float ssim_weight = 0;      // weight of 1 - SSIM in the loss, added to the mean absolute error
+  float alpha_weight = 0.1f;  // weight of alpha's mean absolute error; masked pictures only
+  FitBackground background;
+  SkySphere sky;                               // where a sky's Gaussians are
   float drop = 0;                              // share of Gaussians dropped in a step
   float opacity_weight = 0, scale_weight = 0;  // regularisers on the means over Gaussians
   float pull = 0;                              // weight of a regulariser that keeps means and log scales near the start
@@ -41,7 +43,7 @@ struct FitOptions {
   std::uint64_t seed = 0;
 };
 
-// How well a rendering matches a picture, both over white.
+// How well a rendering matches a picture in its known pixels, both over measured_over().
 struct FitScore {
   double psnr = 0, ssim = 0;
 };
@@ -80,10 +82,13 @@ class Fitter {
   // Compares a rendering with a picture, on the device: f32 [3], as PictureLoss::out.
   Tensor measure(const DeviceFitPicture& picture);
   FitScore judge(const DeviceFitPicture& picture);
+  // The same for a scene that gaussians() returned: a sky is then measured as the Gaussians that it became.
+  FitScore judge(const Gaussians& scene, const DeviceFitPicture& picture);
   // The state that further steps depend on. restore() expects the options and the start that the state was made with.
   FitTensors state() const;
   void restore(const FitTensors& state, long steps_done);
-  // The current scene, without Gaussians that are invisible or hold a value that is not finite.
+  // The current scene, without Gaussians that are invisible or hold a value that is not finite; its last kSkyGaussians
+  // are the sky, if there is one.
   Gaussians gaussians();
 
  private:
@@ -92,7 +97,7 @@ class Fitter {
   // takes far longer than the others.
   void bound_on_screen(const Camera& camera);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
-  RenderOptions drawing() const;
+  RenderOptions drawing(const std::array<float, 3>& background) const;
   void grow();
 
   Context& ctx_;
@@ -105,6 +110,7 @@ class Fitter {
   Tensor scales_, opacities_;  // activated
   Tensor home_means_, home_scales_;
   Tensor loss_;
+  std::optional<Sky> sky_;
 };
 
 }  // namespace vsplat

@@ -44,6 +44,13 @@ std::string SceneFit::Impl::text_of_request() const {
       r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
       r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, r.seed, exact_text(given.placement.centre.x()),
       exact_text(given.placement.centre.y()), exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
+  if (r.background.kind != FitBackground::Kind::automatic)
+    out += fmt::format(" background {} {} {} {}", static_cast<int>(r.background.kind),
+                       exact_text(static_cast<double>(r.background.colour[0])),
+                       exact_text(static_cast<double>(r.background.colour[1])),
+                       exact_text(static_cast<double>(r.background.colour[2])));
+  if (photographs.masks != MaskUse::object || photographs.invert_masks)
+    out += fmt::format(" masks {} {}", static_cast<int>(photographs.masks), photographs.invert_masks);
   for (const Leg& each : legs) {
     out += " |";
     for (const int view : each.views)
