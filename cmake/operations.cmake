@@ -52,6 +52,7 @@ set(VSPLAT_OPERATIONS
   fit/lpips
   fit/muon
   fit/picture_target
+  fit/sky_background
   fit/splat_adam
   fit/splat_filter
   fit/splat_parameters

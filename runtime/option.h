@@ -27,7 +27,9 @@
   X(pose_noise) X(data) X(extend) X(texture) X(textures) X(train) X(train_assume_selected) X(train_devices)           \
   X(train_plan) X(train_resume)                                                                                      \
   /* diagnosis */                                                                                                    \
-  X(doctor) X(selftest) X(tune) X(tune_table)
+  X(doctor) X(selftest) X(tune) X(tune_table)                                                                        \
+  /* a fit's background and masks */                                                                                 \
+  X(background) X(invert_masks) X(masks)
 
 namespace vsplat {
 
@@ -36,7 +38,7 @@ enum class Option { VSPLAT_OPTIONS(VSPLAT_OPTION) };
 #undef VSPLAT_OPTION
 // clang-format on
 
-inline constexpr std::size_t kOptions = static_cast<std::size_t>(Option::tune_table) + 1;
+inline constexpr std::size_t kOptions = static_cast<std::size_t>(Option::masks) + 1;
 using OptionNames = std::array<std::string, kOptions>;
 
 // Its name in this process; where none is set, the enumerator's.

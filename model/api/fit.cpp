@@ -25,6 +25,7 @@ using namespace vsplat::api;
 struct vsplat_fit_impl : vsplat::api::Counted {
   Kept<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
   Kept<vsplat_views, vsplat_views_retain, vsplat_views_release> views;
+  Photographs photographs;  // those of `views`, with the masks' meaning in this fit
   std::vector<int> used;
   bool independent = false;
   std::shared_ptr<std::vector<int>> selected;  // shared with FitSource
@@ -85,6 +86,40 @@ DensityStrategy density_of(vsplat_density density) {
   fail(Status::usage, "options.density is {}, not a value of vsplat_density", value_of(density));
 }
 
+FitBackground background_of(const vsplat_fit_options& o) {
+  using Kind = FitBackground::Kind;
+  FitBackground out;
+  switch (value_of(o.background)) {
+    case VSPLAT_BACKGROUND_AUTO:
+      return out;
+    case VSPLAT_BACKGROUND_COLOUR:
+      out.kind = Kind::colour;
+      for (std::size_t c = 0; c < 3; ++c) {
+        out.colour[c] = o.background_colour[c];
+        if (!(out.colour[c] >= 0 && out.colour[c] <= 1))
+          fail(Status::usage, "options.background_colour[{}] is {}: 0 to 1 expected", c, out.colour[c]);
+      }
+      return out;
+    case VSPLAT_BACKGROUND_RANDOM:
+      out.kind = Kind::random;
+      return out;
+    case VSPLAT_BACKGROUND_SKY:
+      out.kind = Kind::sky;
+      return out;
+  }
+  fail(Status::usage, "options.background is {}, not a value of vsplat_background", value_of(o.background));
+}
+
+MaskUse masks_of(const vsplat_masks& masks) {
+  switch (value_of(masks)) {
+    case VSPLAT_MASKS_OBJECT:
+      return MaskUse::object;
+    case VSPLAT_MASKS_IGNORE:
+      return MaskUse::ignore;
+  }
+  fail(Status::usage, "options.masks is {}, not a value of vsplat_masks", value_of(masks));
+}
+
 FitRequest request_of(const vsplat_fit_options& o) {
   FitRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
@@ -114,6 +149,7 @@ FitRequest request_of(const vsplat_fit_options& o) {
   if (!(o.consolidate >= 0 && o.consolidate < 1))
     fail(Status::usage, "options.consolidate is {}: 0, or a share below 1 expected", o.consolidate);
   out.consolidate = o.consolidate;
+  out.background = background_of(o);
   out.checkpoint = o.checkpoint ? o.checkpoint : "";
   out.resume = o.resume != 0;
   if (out.resume && out.checkpoint.empty())
@@ -171,17 +207,20 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     auto made = std::make_unique<vsplat_fit_impl>();
     made->device = device;
     made->views = views;
-    made->used = listed_views(views->photographs.set, request.names, Option::fit_views);
+    made->photographs = views->photographs;
+    made->photographs.masks = masks_of(o.masks);
+    made->photographs.invert_masks = o.invert_masks != 0;
+    made->used = listed_views(made->photographs.set, request.names, Option::fit_views);
     // Frees the scene drawn before and other models' weights.
     device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
-    FitSource from = fit_source(device, views, o, made->used);
+    FitSource from = fit_source(device, made->photographs, o, made->used);
     made->independent = from.start.independent;
     made->selected = from.selected;
     request.spared = from.named;
     request.whole = from.whole;
-    made->scene_fit.emplace(device->context, views->photographs, std::move(from.start), request);
+    made->scene_fit.emplace(device->context, made->photographs, std::move(from.start), request);
     *out_fit = made.release();
   });
 }
@@ -248,6 +287,8 @@ vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_resul
     out.result_psnr = r.result.psnr;
     out.result_ssim = r.result.ssim;
     out.num_outliers = static_cast<int32_t>(r.suspects.size());
+    out.sky_psnr = r.over_sky.psnr;
+    out.sky_ssim = r.over_sky.ssim;
     give(out_result, out, "out_result");
   });
 }
@@ -308,7 +349,7 @@ vsplat_status vsplat_fit_save_cameras(vsplat_fit fit, const char* path) {
     std::vector<Camera> cameras;
     for (const int view : fit->used) {
       cameras.push_back(scene_fit.camera(view));
-      cameras.back().file = fit->views.get()->photographs.set.views[static_cast<size_t>(view)].name;
+      cameras.back().file = fit->photographs.set.views[static_cast<size_t>(view)].name;
     }
     write_cameras(path, cameras);
   });

@@ -251,9 +251,8 @@ std::vector<ColoredPoint> points_of(const Photographs& photographs) {
   return read_colmap_points(photographs.set.source);  // its error says where it searched
 }
 
-FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                      const std::vector<int>& used) {
-  const Photographs& photographs = views->photographs;
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
   FitSource out = is_whole(photographs, o, input, used) ? whole_source(photographs, o, used)

@@ -22,8 +22,8 @@ struct FitSource {
 std::vector<ColoredPoint> points_of(const Photographs& photographs);
 
 // Places the object, or the scene, and checks what the start needs; `used` are the views of `o`. Keeps the scene or
-// model of `o` alive, but not device and views.
-FitSource fit_source(vsplat_device device, vsplat_views views, const vsplat_fit_options& o,
+// model of `o` alive, but not device and photographs.
+FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                      const std::vector<int>& used);
 
 }  // namespace vsplat::api

@@ -91,6 +91,7 @@ void plan_fitting(const Context& ctx) {
   options.grow_until = 2;
   options.noise = options.pull = 1;
   options.antialias = true;
+  options.background.kind = FitBackground::Kind::sky;
   plan_fit_step(ctx, start, options);
 }
 

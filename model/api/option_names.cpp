@@ -89,6 +89,10 @@ constexpr CName c_names[] = {
     FUNCTION(selftest, vsplat_selftest),
     FUNCTION(tune, vsplat_tune),
     FIELD(tune_table, vsplat_tune_options, path),
+
+    FIELD(background, vsplat_fit_options, background),
+    FIELD(invert_masks, vsplat_fit_options, invert_masks),
+    FIELD(masks, vsplat_fit_options, masks),
 };
 #undef FIELD
 #undef FUNCTION

@@ -47,7 +47,7 @@ Similarity operator*(const Similarity& after, const Similarity& before) {
 
 Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& d) {
   const double x = d.x(), y = d.y(), z = d.z(), xx = x * x, yy = y * y, zz = z * z;
-  const double all[16] = {kShC0,
+  const double all[25] = {kShC0,
                           -0.4886025119029199 * y,
                           0.4886025119029199 * z,
                           -0.4886025119029199 * x,
@@ -62,7 +62,16 @@ Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& d) {
                           0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
                           -0.4570457994644658 * x * (4 * zz - xx - yy),
                           1.445305721320277 * z * (xx - yy),
-                          -0.5900435899266435 * x * (xx - 3 * yy)};
+                          -0.5900435899266435 * x * (xx - 3 * yy),
+                          2.5033429417967046 * x * y * (xx - yy),
+                          -1.7701307697799304 * y * z * (3 * xx - yy),
+                          0.9461746957575601 * x * y * (7 * zz - 1),
+                          -0.6690465435572892 * y * z * (7 * zz - 3),
+                          0.10578554691520431 * (zz * (35 * zz - 30) + 3),
+                          -0.6690465435572892 * x * z * (7 * zz - 3),
+                          0.47308734787878004 * (xx - yy) * (7 * zz - 1),
+                          -1.7701307697799304 * x * z * (xx - 3 * yy),
+                          0.6258357354491761 * (xx * (xx - 3 * yy) - yy * (3 * xx - yy))};
   return Eigen::Map<const Eigen::VectorXd>(all, (degree + 1) * (degree + 1));
 }
 

@@ -70,7 +70,7 @@ Camera in_frame(const Scene& scene, const Camera& camera);
 // The matrix [2l+1, 2l+1] that rotates band `degree` of a function on the sphere: with coefficients c' = D c in the
 // basis of 3DGS files, f'(R d) = f(d).
 Eigen::MatrixXd sh_rotation(int degree, const Eigen::Matrix3d& rotation);
-// The basis of 3DGS files: (degree + 1)^2 values for a unit direction, degree 0 to 3.
+// The basis of 3DGS files, continued: (degree + 1)^2 values for a unit direction, degree 0 to 4.
 Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& direction);
 
 }  // namespace vsplat

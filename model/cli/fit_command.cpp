@@ -250,7 +250,7 @@ void add_fit(CLI::App& app, Run& run) {
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")
       ->group(placement_group);
-  const char* beside = "Beside the scene";
+  const char *beside = "Beside the scene", *behind = "Background and masks";
   sub->add_option("--sheet", o->fit.sheet,
                   "A row for each held-out picture: picture, start, result, 4 x difference; for fitted pictures if "
                   "none is held out")
@@ -259,6 +259,20 @@ void add_fit(CLI::App& app, Run& run) {
   sub->add_option("--log", o->fit.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
       ->type_name("FILE.csv")
       ->group(beside);
+  sub->add_option("--background", o->fit.background,
+                  "What is behind the scene where it lets light through, while fitting and measuring: a colour as in "
+                  "`render`; random, another colour in every step, which leaves no holes (measured over black); sky, "
+                  "fitted, too, and written as Gaussians on a far sphere (default: auto, white; in every other step of "
+                  "pictures whose mask or alpha marks an object a random colour)")
+      ->type_name("COLOUR|random|sky|auto")
+      ->group(behind);
+  sub->add_option("--masks", o->fit.masks,
+                  "What is outside the masks: object, nothing (default); ignore, things that take no part in fitting "
+                  "and measuring, like people who walk past. Alpha always marks the object")
+      ->check(one_of({"object", "ignore"}))
+      ->type_name("object|ignore")
+      ->group(behind);
+  sub->add_flag("--invert-masks", o->fit.invert_masks, "Masks are black inside, not white")->group(behind);
   sub->add_flag("--poses", o->fit.poses,
                 "Correct the cameras a little, too, and write them as cameras.json beside the scene: SCENE.poses.json")
       ->group(beside);
@@ -280,6 +294,7 @@ void add_fit(CLI::App& app, Run& run) {
       "  vsplat fit colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
       "  vsplat fit photos/ --start network --output sharp.ply --poses --exposure\n"
       "  vsplat fit photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"
+      "  vsplat fit photos/ --start points --output place.ply --scale 20 --background sky --masks ignore\n"
       "  vsplat fit photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
       "The result is never worse than the start on the held-out pictures: if the start is best, it is written, and a\n"
       "message says so. Masks and alpha are used if there are any. Ctrl-C stops with the best scene so far; a second\n"

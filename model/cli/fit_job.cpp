@@ -1,6 +1,7 @@
 #include "fit_job.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -43,6 +44,24 @@ std::uint32_t freeze_of(const std::string& text) {
       throw UsageError("--freeze is \"" + text + "\": of means,scales,rotations,opacities,sh expected, not " + name);
     out |= bit;
   }
+  return out;
+}
+
+void set_background(vsplat_fit_options& options, const std::string& text) {
+  if (text.empty() || text == "auto") return;
+  options.background = text == "random" ? VSPLAT_BACKGROUND_RANDOM
+                       : text == "sky"  ? VSPLAT_BACKGROUND_SKY
+                                        : VSPLAT_BACKGROUND_COLOUR;
+  if (options.background != VSPLAT_BACKGROUND_COLOUR) return;
+  const std::array<float, 3> given = colour("--background", text);
+  std::copy(given.begin(), given.end(), options.background_colour);
+}
+
+// What pictures are measured over.
+vsplat_render_options over_background(const vsplat_fit_options& options) {
+  vsplat_render_options out = VSPLAT_RENDER_OPTIONS_INIT;
+  for (std::size_t c = 0; c < 3 && options.background != VSPLAT_BACKGROUND_AUTO; ++c)
+    out.background[c] = options.background == VSPLAT_BACKGROUND_COLOUR ? options.background_colour[c] : 0;
   return out;
 }
 
@@ -116,6 +135,9 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_
   options.poses = o.poses;
   options.exposure = o.exposure;
   options.antialias = o.antialias;
+  set_background(options, o.background);
+  if (o.masks == "ignore") options.masks = VSPLAT_MASKS_IGNORE;  // already checked by CLI11
+  options.invert_masks = o.invert_masks;
   options.checkpoint = checkpoint_.empty() ? nullptr : checkpoint_.c_str();
   options.resume = o.resume;
   if (o.resume && checkpoint_.empty()) throw UsageError("--resume needs --checkpoint, the folder of the state");
@@ -214,12 +236,13 @@ void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::
   how.columns = 4;
   if (rows <= large_rows) how.cell = large_cell;
   const vsplat::Sheet sheet(how);
+  const vsplat_render_options drawing = over_background(options);
   for (std::size_t row = 0; row < rows; ++row) {
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
     const vsplat_camera camera = fit.camera(view);
     vsplat::Picture given = fit.picture(view);
-    vsplat::Picture before = vsplat::render(session.device(), start_, camera);
-    vsplat::Picture after = vsplat::render(session.device(), scene, camera);
+    vsplat::Picture before = vsplat::render(session.device(), start_, camera, drawing);
+    vsplat::Picture after = vsplat::render(session.device(), scene, camera, drawing);
     vsplat::Picture off = difference_of(after, given);
     vsplat::Sheet cells = sheet;
     for (vsplat::Picture* cell : {&given, &before, &after, &off}) cells.add(*cell);
@@ -244,6 +267,9 @@ void FitJob::summarise(const Common& common) const {
                   r.start_ssim, r.result_ssim);
     say(common, on + text + (r.returned ? "; the start is better, so it is what is written" : "") +
                     (r.claimed ? "" : "; the start may have seen these pictures, so no gain is claimed"));
+    if (std::isfinite(r.sky_psnr) && !r.returned)
+      say(common, "the sky is written as Gaussians: PSNR " + decibels(r.sky_psnr) + " before, " +
+                      decibels(r.result_psnr) + " with them");
   } else if (r.returned) {
     say(common, "no picture could be held out to judge by: the start is what is written");
   } else {
@@ -260,6 +286,7 @@ void FitJob::add_results(ordered_json& out) const {
   out["judged_on"] = judged_;
   out["start"] = scores(r.start_psnr, r.start_ssim);
   out["result"] = scores(r.result_psnr, r.result_ssim);
+  if (std::isfinite(r.sky_psnr)) out["over_sky"] = scores(r.sky_psnr, r.sky_ssim);
   out["returned"] = r.returned ? "start" : "fitted";
   out["claimed"] = r.claimed != 0;
   out["suspects"] = suspects_;

@@ -14,8 +14,9 @@ namespace command {
 // Options as given; "" if not given. `vsplat fit` has all of them.
 struct FitOptions {
   std::string steps, size, sheet;
-  std::string quality = "draft", seconds, max_gaussians, strategy, consolidate, holdout, sh, freeze, seed, log, checkpoint;
-  bool poses = false, exposure = false, resume = false, antialias = false;
+  std::string quality = "draft", seconds, max_gaussians, strategy, consolidate, holdout, sh, freeze, seed, log,
+              checkpoint, background, masks;
+  bool poses = false, exposure = false, resume = false, antialias = false, invert_masks = false;
 };
 
 // The options' names in messages.
@@ -44,8 +45,8 @@ class FitJob {
   const vsplat::Scene& start() const { return start_; }
   // Prints the result, and warnings if any.
   void summarise(const Common& common) const;
-  // Adds the fields "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "log", "sheet",
-  // "poses".
+  // Adds the fields "steps", "judged_on", "start", "result", "over_sky", "returned", "claimed", "suspects", "log",
+  // "sheet", "poses".
   void add_results(nlohmann::ordered_json& out) const;
 
  private:

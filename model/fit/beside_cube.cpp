@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "runtime/option.h"
@@ -10,12 +11,12 @@
 namespace vsplat {
 namespace {
 
-constexpr std::uint8_t kWhite = 242;  // 0.95
+constexpr float kAlike = 13.5f;  // of 255
 constexpr double kMuch = 0.2;
 
 }  // namespace
 
-double shown_beside_cube(const FitPicture& picture, double edge) {
+double shown_beside_cube(const FitPicture& picture, double edge, const std::array<float, 3>& background) {
   const Camera& c = picture.camera;
   if (picture.masked || c.width < 1 || c.height < 1) return 0;
   double x0 = c.width, y0 = c.height, x1 = 0, y1 = 0;
@@ -30,8 +31,11 @@ double shown_beside_cube(const FitPicture& picture, double edge) {
   for (int y = 0; y < c.height; ++y)
     for (int x = 0; x < c.width; ++x) {
       if (x + 0.5 > x0 && x + 0.5 < x1 && y + 0.5 > y0 && y + 0.5 < y1) continue;
-      const std::uint8_t* p = &picture.rgba[4 * (static_cast<std::size_t>(y) * c.width + x)];
-      shown += p[3] == 255 && std::min({p[0], p[1], p[2]}) < kWhite;
+      const std::size_t pixel = static_cast<std::size_t>(y) * c.width + x;
+      const std::uint8_t* p = &picture.rgba[4 * pixel];
+      bool other = false;
+      for (std::size_t i = 0; i < 3; ++i) other |= std::abs(static_cast<float>(p[i]) - 255 * background[i]) > kAlike;
+      shown += other && p[3] == 255 && (picture.known.empty() || picture.known[pixel] != 0);
     }
   return static_cast<double>(shown) / (static_cast<double>(c.width) * c.height);
 }

@@ -28,8 +28,12 @@ struct DeviceFitPicture {
   Camera camera;
   Tensor given, known;  // u8 [H,W,4]; u8 [H,W] or empty
   bool masked = false;
+  double known_share = 1;  // of the pixels
 };
 
 DeviceFitPicture upload(Context& ctx, const FitPicture& picture);
+
+// The share of a picture's pixels that are known.
+double known_share(const FitPicture& picture);
 
 }  // namespace vsplat

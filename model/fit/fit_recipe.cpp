@@ -76,6 +76,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
     o.growth = std::pow(static_cast<double>(o.max_gaussians) / static_cast<double>(count), 1 / rounds);
   }
   o.density = request.density;
+  o.background = request.background;
   o.seed = request.seed;
   if (request.freeze.means) o.rates.means = 0;
   if (request.freeze.scales) o.rates.log_scales = 0;

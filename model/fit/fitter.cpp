@@ -49,6 +49,12 @@ SplatParameters zeros_like(Context& ctx, const SplatParameters& x) {
   return {zeros(x.means), zeros(x.log_scales), zeros(x.quats), zeros(x.logits), zeros(x.sh)};
 }
 
+// A picture of these colours that lets nothing through.
+DevicePicture opaque(Context& ctx, const Tensor& colour) {
+  const Shape shape{colour.dim(0), colour.dim(1)};
+  return {colour, ctx.upload(shape, std::vector<float>(static_cast<std::size_t>(shape[0] * shape[1]), 1.0f)), {}};
+}
+
 SplatParameters parameters_of(Context& ctx, const Gaussians& g, const FitOptions& options, long capacity) {
   const auto n = static_cast<long>(g.count);
   std::vector<float> log_scales(g.scales.size()), logits(g.opacities.size());
@@ -86,6 +92,7 @@ Fitter::Fitter(Context& ctx, const Gaussians& start, float near, const std::opti
     fresh_scores_ = ctx.tensor({capacity}, Type::f32, "scores of a picture");
     ctx.fill_zero(fresh_scores_);
   }
+  if (options.background.kind == FitBackground::Kind::sky) sky_.emplace(ctx);
 }
 
 DeviceGaussians Fitter::activate(Context& c, const Dropping& dropping) const {
@@ -124,8 +131,9 @@ void Fitter::find_variances() {
 SplatParameters Fitter::parameters() const { return vsplat::first(all_, count_).x; }
 GaussianGradients Fitter::gradient() const { return first(dall_, count_); }
 
-RenderOptions Fitter::drawing() const {
+RenderOptions Fitter::drawing(const std::array<float, 3>& background) const {
   RenderOptions out;
+  out.background = background;
   out.near = near_;
   out.antialias = options_.antialias;
   out.mirror = mirror_;
@@ -168,11 +176,9 @@ void Fitter::differentiate(const DeviceFitPicture& picture, const FitAside& asid
 
 void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside) {
   const auto now = static_cast<std::uint32_t>(step_);
-  RenderOptions how = drawing();
-  if (picture.masked && options_.random_background && now % 2 == 1) {
-    const auto random = philox4x32_10({0, now, stream_of("fit.background"), 0}, rng_key(options_.seed));
-    for (std::size_t c = 0; c < 3; ++c) how.background[c] = uniform01(random[c]);
-  }
+  const RenderOptions how = drawing(drawn_over(options_.background, picture.masked, options_.seed, now));
+  const Tensor view = sky_ ? upload_views(ctx_, {picture.camera}, near_, mirror_) : Tensor();
+  const float alpha_weight = picture.masked ? options_.alpha_weight : 0;
   const Dropping dropping{options_.drop, options_.seed, now};
   bound_on_screen(picture.camera);
   const DeviceGaussians gaussians = activate(ctx_, dropping);
@@ -185,13 +191,16 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     const long h = picture.camera.height, w = picture.camera.width;
     const Tensor target = c.tensor({h, w, 3}, Type::f32, "target");
     PictureGradient by{c.tensor({h, w, 3}, Type::f32, "loss by the picture"), {}, {}};
-    if (picture.masked && options_.alpha_weight > 0) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
+    if (alpha_weight > 0 || sky_) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
     DevicePicture shown = drawn;
+    if (sky_) shown.colour = sky_->shown(c, drawn, view);
+    // The exposure is also the sky's, but not that of a background which no camera saw.
+    const DevicePicture whole = sky_ && aside.exposure ? opaque(c, shown.colour) : drawn;
     if (aside.exposure) {
       shown.colour = c.tensor({h, w, 3}, Type::f32, "exposed picture");
-      exposure_forward(c, {aside.exposure, drawn, how.background, shown.colour});
+      exposure_forward(c, {aside.exposure, whole, how.background, shown.colour});
     }
-    picture_target(c, {picture.given, picture.known, how.background, shown, options_.alpha_weight, target, by.alpha});
+    picture_target(c, {picture.given, picture.known, how.background, shown, alpha_weight, target, by.alpha});
     const Shape one{1, h, w, 3};
     PictureLoss a{shown.colour.reshaped(one), target.reshaped(one), options_.ssim_weight, loss_,
                   by.colour.reshaped(one)};
@@ -199,7 +208,9 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     a.similarity =
         options_.ssim_weight > 0 && std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
     picture_loss(c, a);
-    if (aside.exposure) exposure_backward(c, {aside.exposure, drawn, how.background, by, aside.dexposure});
+    const PictureGradient exposed{by.colour, sky_ ? Tensor() : by.alpha, {}};
+    if (aside.exposure) exposure_backward(c, {aside.exposure, whole, how.background, exposed, aside.dexposure});
+    if (sky_) sky_->differentiate(c, drawn, view, by);
     if (scores) {
       by.depth = c.tensor({h, w}, Type::f32, "error");
       splat_error(c, shown.colour, target, by.depth);
@@ -252,6 +263,7 @@ void Fitter::move() {
   adam(now.x.quats, d.quats, now.m.quats, now.v.quats, shape ? options_.rates.quats : 0, -any, any, 0, 0);
   adam(now.x.logits, d.opacities, now.m.logits, now.v.logits, options_.rates.logits, kLeastLogit, kMostLogit, 0, 0);
   adam(now.x.sh, d.sh, now.m.sh, now.v.sh, options_.rates.sh, -any, any, 3, options_.rates.sh_rest);
+  if (sky_) sky_->move(ctx_, step_);
   if (options_.noise > 0 && shape)
     splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed,
                        static_cast<std::uint32_t>(step_ - 1)});
@@ -268,22 +280,45 @@ void Fitter::grow() {
   count_ = density_->grow(ctx_, {all_, count_, wanted, options_.seed, static_cast<std::uint32_t>(step_)});
 }
 
-Tensor Fitter::measure(const DeviceFitPicture& picture) {
-  bound_on_screen(picture.camera);
-  const DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, drawing());
+namespace {
+
+Tensor compare(Context& ctx, const DevicePicture& drawn, const std::array<float, 3>& background,
+               const DeviceFitPicture& picture) {
   const long h = picture.camera.height, w = picture.camera.width;
-  const Tensor target = ctx_.tensor({h, w, 3}, Type::f32, "target"), out = ctx_.tensor({3}, Type::f32, "score");
-  picture_target(ctx_, {picture.given, picture.known, {1, 1, 1}, drawn, 0, target, {}});
+  const Tensor target = ctx.tensor({h, w, 3}, Type::f32, "target"), out = ctx.tensor({3}, Type::f32, "score");
+  picture_target(ctx, {picture.given, picture.known, background, drawn, 0, target, {}});
   const Shape one{1, h, w, 3};
   PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one), 1, out, {}};
   a.similarity = std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
-  picture_loss(ctx_, a);
+  picture_loss(ctx, a);
   return out;
 }
 
-FitScore Fitter::judge(const DeviceFitPicture& picture) {
-  const auto values = ctx_.read<float>(measure(picture));
-  return {-10 * std::log10(std::max(static_cast<double>(values[1]), 1e-12)), static_cast<double>(values[2])};
+// Unknown pixels have no error, so what differs lies in the known ones.
+FitScore score_of(Context& ctx, const Tensor& measured, const DeviceFitPicture& picture) {
+  const auto values = ctx.read<float>(measured);
+  const double share = std::max(picture.known_share, 1e-12);
+  const auto error = static_cast<double>(values[1]), similarity = static_cast<double>(values[2]);
+  return {-10 * std::log10(std::max(error / share, 1e-12)), share < 1 ? 1 - (1 - similarity) / share : similarity};
+}
+
+}  // namespace
+
+Tensor Fitter::measure(const DeviceFitPicture& picture) {
+  bound_on_screen(picture.camera);
+  const std::array<float, 3> background = measured_over(options_.background);
+  DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, drawing(background));
+  if (sky_) drawn.colour = sky_->shown(ctx_, drawn, upload_views(ctx_, {picture.camera}, near_, mirror_));
+  return compare(ctx_, drawn, background, picture);
+}
+
+FitScore Fitter::judge(const DeviceFitPicture& picture) { return score_of(ctx_, measure(picture), picture); }
+
+FitScore Fitter::judge(const Gaussians& scene, const DeviceFitPicture& picture) {
+  const std::array<float, 3> background = measured_over(options_.background);
+  const double pixels = static_cast<double>(picture.camera.width) * picture.camera.height;
+  const DevicePicture drawn = render(ctx_, place_on_device(ctx_, scene, pixels), picture.camera, drawing(background));
+  return score_of(ctx_, compare(ctx_, drawn, background, picture), picture);
 }
 
 namespace {
@@ -340,6 +375,7 @@ FitTensors Fitter::state() const {
   });
   if (variances_) out["filter.variances"] = {{count_}, ctx_.read<float>(variances_.first(count_))};
   if (const Tensor scores = density_->scores()) out["scores"] = {{count_}, ctx_.read<float>(scores.first(count_))};
+  if (sky_) sky_->put(ctx_, out);
   return out;
 }
 
@@ -360,11 +396,23 @@ void Fitter::restore(const FitTensors& state, long steps_done, long replaced_aft
   for_each_tensor(vsplat::first(all_, count_), read);
   if (variances_) read("filter.variances", variances_.first(count_));
   if (const Tensor scores = density_->scores()) read("scores", scores.first(count_));
+  if (sky_) sky_->get(ctx_, state);
   step_ = steps_done;
   replaced_after_ = replaced_after;
 }
 
-Gaussians Fitter::gaussians() {
+namespace {
+
+void append(Gaussians& to, const Gaussians& more) {
+  to.count += more.count;
+  for (std::vector<float> Gaussians::*kind :
+       {&Gaussians::means, &Gaussians::scales, &Gaussians::quats, &Gaussians::opacities, &Gaussians::sh})
+    (to.*kind).insert((to.*kind).end(), (more.*kind).begin(), (more.*kind).end());
+}
+
+}  // namespace
+
+Gaussians Fitter::foreground() {
   Gaussians g = download(ctx_, activate(ctx_, {}));
   Gaussians out;
   out.sh_degree = g.sh_degree;
@@ -385,6 +433,12 @@ Gaussians Fitter::gaussians() {
     out.sh.insert(out.sh.end(), &g.sh[s * k], &g.sh[s * k] + s);
     ++out.count;
   }
+  return out;
+}
+
+Gaussians Fitter::gaussians() {
+  Gaussians out = foreground();
+  if (sky_) append(out, sky_->gaussians(ctx_, options_.sky, out.sh_degree));
   return out;
 }
 

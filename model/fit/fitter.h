@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "model/base/gaussians.h"
+#include "model/fit/background.h"
 #include "model/fit/density/density.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_picture.h"
@@ -24,12 +25,13 @@ struct FitRates {
 
 struct FitOptions {
   FitRates rates;
-  long steps = 800;                            // over which the means' learning rate decays
-  double means_fall = 0.1;                     // final decay factor of that rate
-  long colours_first = 0;                      // initial steps that change only colours and opacities
-  float ssim_weight = 0;                       // weight of 1 - SSIM in the loss, added to the mean absolute error
-  float alpha_weight = 0.1f;                   // weight of alpha's mean absolute error; masked pictures only
-  bool random_background = true;               // in every other step; masked pictures only
+  long steps = 800;           // over which the means' learning rate decays
+  double means_fall = 0.1;    // final decay factor of that rate
+  long colours_first = 0;     // initial steps that change only colours and opacities
+  float ssim_weight = 0;      // weight of 1 - SSIM in the loss, added to the mean absolute error
+  float alpha_weight = 0.1f;  // weight of alpha's mean absolute error; masked pictures only
+  FitBackground background;
+  SkySphere sky;                               // where a sky's Gaussians are
   float drop = 0;                              // share of Gaussians dropped in a step
   float opacity_weight = 0, scale_weight = 0;  // regularisers on the means over Gaussians
   float pull = 0;                              // weight of a regulariser that keeps means and log scales near the start
@@ -44,7 +46,7 @@ struct FitOptions {
   std::uint64_t seed = 0;
 };
 
-// How well a rendering matches a picture, both over white.
+// How well a rendering matches a picture in its known pixels, both over measured_over().
 struct FitScore {
   double psnr = 0, ssim = 0;
 };
@@ -89,6 +91,8 @@ class Fitter {
   // Compares a rendering with a picture, on the device: f32 [3], as PictureLoss::out.
   Tensor measure(const DeviceFitPicture& picture);
   FitScore judge(const DeviceFitPicture& picture);
+  // The same for a scene that gaussians() returned: a sky is then measured as the Gaussians that it became.
+  FitScore judge(const Gaussians& scene, const DeviceFitPicture& picture);
   // Adds to `sums`, f32 [count], each Gaussian's blending weights over the picture's pixels.
   void add_weights(const DeviceFitPicture& picture, const Tensor& sums);
   // Continues with these Gaussians, at most as many as there are now, with moments of zero and without growth.
@@ -99,6 +103,8 @@ class Fitter {
   FitTensors state() const;
   void restore(const FitTensors& state, long steps_done, long replaced_after = 0);
   // The current scene, filtered, without Gaussians that are invisible or hold a value that is not finite.
+  Gaussians foreground();
+  // The same, followed by the kSkyGaussians of the sky if there is one.
   Gaussians gaussians();
 
  private:
@@ -108,8 +114,8 @@ class Fitter {
   void bound_on_screen(const Camera& camera);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   void find_variances();
-  RenderOptions drawing() const;
   bool scores_count() const;
+  RenderOptions drawing(const std::array<float, 3>& background) const;
   void grow();
 
   Context& ctx_;
@@ -126,6 +132,7 @@ class Fitter {
   Tensor loss_;
   std::unique_ptr<Density> density_;
   Tensor fresh_scores_;  // [capacity], of the gradient's picture; none if the strategy uses no scores
+  std::optional<Sky> sky_;
 };
 
 }  // namespace vsplat

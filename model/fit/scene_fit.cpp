@@ -134,6 +134,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (from && !request.resume)
     fail(Status::usage, "{}: holds the state of a fit already; {} continues it, another folder begins again",
          fit_checkpoint_path(request.checkpoint), Option::fit_resume);
+  check_masks();
   if (!request.whole) warn_of_background();
   if (from)
     go_on(*from);
@@ -149,7 +150,7 @@ void SceneFit::Impl::warn_of_background() {
     if (!LoadedPhotograph(photographs, view).is_masked()) ++unmasked;
   if (unmasked == 0) return;
   for (const int view : spread(used, static_cast<int>(std::min(used.size(), kLookedAt))))
-    shares.push_back(shown_beside_cube(*pictures.at(view), given.cube));
+    shares.push_back(shown_beside_cube(*pictures.at(view), given.cube, measured_over(request.background)));
   if (const std::string text = doubts_about_cube(shares, unmasked, used.size()); !text.empty()) warn("{}", text);
 }
 
@@ -174,6 +175,7 @@ void SceneFit::Impl::begin_leg() {
   recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),
                       static_cast<long>(scene.gaussians.count));
   recipe.options.antialias = scene.antialias;
+  recipe.options.sky = sky_sphere();
   const int degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
   const Gaussians start = with_degree(std::move(scene.gaussians), degree);
   leg_steps = recipe.steps;
@@ -298,6 +300,9 @@ Judged SceneFit::Impl::measure_held_out() {
   double took = 0;
   for (const int view : now.judges) {
     const DeviceFitPicture& picture = on_device(view);
+    if (picture.known_share == 0)
+      fail(Status::input, "{}: no pixel of it is inside its mask, so nothing can be measured on it: leave it out of {}",
+           photographs.set.views[static_cast<std::size_t>(view)].name, Option::holdout_names);
     const auto begun = Clock::now();
     const FitScore score = fitter->judge(picture);
     took += seconds_since(begun);
@@ -413,6 +418,8 @@ void SceneFit::Impl::finish() {
     if (fitter->steps_done() > 0)
       for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
     for (const std::size_t i : outliers(scores)) suspects.push_back(legs[leg].views[i]);
+    if (best && request.background.kind == FitBackground::Kind::sky && !legs[leg].judges.empty())
+      written = score_written();
   }
   done = true;
 }
@@ -459,7 +466,7 @@ FitResult SceneFit::result() {
   out.seconds = i.seconds;
   out.judged = i.judged;
   out.suspects = i.suspects;
-  out.start = out.result = {std::nan(""), std::nan("")};
+  out.start = out.result = out.over_sky = {std::nan(""), std::nan("")};
   std::optional<Gaussians> made = i.best;
   out.steps = i.best_steps;
   // Fit in progress whose best scene is the latest one.
@@ -478,6 +485,8 @@ FitResult SceneFit::result() {
       // The best of the fitted scenes.
       const auto later = std::next(i.curve.begin());
       if (later != i.curve.end()) out.result = mean(std::max_element(later, i.curve.end(), is_worse)->second);
+    } else if (i.written) {
+      out.over_sky = std::exchange(out.result, *i.written);
     }
   }
   out.start_returned = !made;
@@ -500,7 +509,7 @@ Image SceneFit::picture(int view) {
   const std::shared_ptr<const FitPicture> picture = impl_->pictures.at(view);
   Image out(picture->camera.width, picture->camera.height, 4);
   for (std::size_t k = 0; k < out.data.size(); ++k) out.data[k] = static_cast<float>(picture->rgba[k]) / 255.0f;
-  return on_white(out);
+  return over(out, measured_over(impl_->request.background));
 }
 
 Camera SceneFit::camera(int view) {

@@ -47,6 +47,7 @@ struct FitRequest {
   bool antialias = false;  // also on where Scene::antialias of the start is
   DensityStrategy density = DensityStrategy::error;
   double consolidate = 0;  // share of the Gaussians that stays at the end, below 1; 0: no consolidation
+  FitBackground background;
   std::uint64_t seed = 0;
   // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,
   // the fit continues from the checkpoint there.
@@ -81,6 +82,9 @@ struct FitResult {
   std::vector<int> judged;  // the held-out views
   // Means over `judged`. If the start is returned, `result` belongs to the best scene of the fit.
   FitScore start, result;
+  // With a sky: how good the result was over the sky itself, where `result` is of the Gaussians that it became. NaN if
+  // there is none, or if no view is held out for the whole fit.
+  FitScore over_sky;
   std::vector<int> suspects;
 };
 
@@ -101,7 +105,7 @@ class SceneFit {
   FitResult result();
   const Scene& start() const;
 
-  // A view's picture over white, and its camera, as used to fit or to measure.
+  // A view's picture over measured_over(), and its camera, as used to fit or to measure.
   Image picture(int view);
   Camera camera(int view);
 

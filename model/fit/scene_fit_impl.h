@@ -1,5 +1,5 @@
-// A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit, scene_fit_reduce
-// and scene_fit_state.
+// A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit,
+// scene_fit_background, scene_fit_reduce and scene_fit_state.
 #pragma once
 #include <functional>
 #include <map>
@@ -46,6 +46,7 @@ struct SceneFit::Impl {
   void judge();
   Judged measure_held_out();
   void reduce(const std::function<std::vector<std::size_t>(const std::vector<float>&)>& keep, long at);
+  Gaussians without_sky(const Gaussians& scene) const;
   void prune();
   void consolidate();
   bool is_consolidated() const;
@@ -59,6 +60,9 @@ struct SceneFit::Impl {
   void step_on(int view);
   int view_of_step(long step) const;
   void warn_of_background();
+  void check_masks();
+  SkySphere sky_sphere() const;
+  FitScore score_written();  // of `best` on the held-out pictures of the current phase
   // Estimate for the next step, the work after it, and the measurement of all pictures at the end.
   double seconds_of_next() const;
   long measured_by_all(std::size_t rounds) const;
@@ -111,6 +115,7 @@ struct SceneFit::Impl {
   // The best scene of the last phase.
   std::optional<Gaussians> best;
   long best_steps = 0;
+  std::optional<FitScore> written;  // how good it is with its sky as Gaussians, once the fit has ended
   std::vector<int> suspects;
 };
 

@@ -32,6 +32,13 @@ Gaussians rows_of(const Gaussians& all, const std::vector<std::size_t>& rows) {
 
 }  // namespace
 
+Gaussians SceneFit::Impl::without_sky(const Gaussians& scene) const {
+  std::vector<std::size_t> rows(scene.count -
+                                (request.background.kind == FitBackground::Kind::sky ? kSkyGaussians : 0));
+  std::iota(rows.begin(), rows.end(), std::size_t{0});
+  return rows_of(scene, rows);
+}
+
 bool SceneFit::Impl::is_consolidated() const { return consolidated_after > 0; }
 long SceneFit::Impl::consolidation_steps() const { return request.consolidate > 0 ? kConsolidationSteps : 0; }
 
@@ -63,7 +70,7 @@ void SceneFit::Impl::reduce(const std::function<std::vector<std::size_t>(const s
 
 void SceneFit::Impl::consolidate() {
   const long at = fitter->steps_done();
-  if (!unreduced) unreduced = fitter->gaussians();
+  if (!unreduced) unreduced = fitter->foreground();
   const auto wanted = static_cast<std::size_t>(std::ceil(request.consolidate * static_cast<double>(unreduced->count)));
   reduce(
       [wanted](const std::vector<float>& weights) {
@@ -81,7 +88,7 @@ void SceneFit::Impl::consolidate() {
 
 void SceneFit::Impl::prune() {
   if (pruned || recipe.options.grow_every == 0 || !best) return;
-  if (!unreduced) unreduced = best;
+  if (!unreduced) unreduced = without_sky(*best);
   const long at = best_steps;
   reduce(
       [](const std::vector<float>& weights) {

@@ -40,12 +40,18 @@ std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
       "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} consolidate {} "
-      "seed {} "
-      "centre {} {} {} edge {}",
+      "seed {} whole {} quality {} centre {} {} {} edge {}",
       r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
       r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, static_cast<int>(r.density), exact_text(r.consolidate),
-      r.seed, exact_text(given.placement.centre.x()), exact_text(given.placement.centre.y()),
-      exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
+      r.seed, r.whole, static_cast<int>(r.quality), exact_text(given.placement.centre.x()),
+      exact_text(given.placement.centre.y()), exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
+  if (r.background.kind != FitBackground::Kind::automatic)
+    out += fmt::format(" background {} {} {} {}", static_cast<int>(r.background.kind),
+                       exact_text(static_cast<double>(r.background.colour[0])),
+                       exact_text(static_cast<double>(r.background.colour[1])),
+                       exact_text(static_cast<double>(r.background.colour[2])));
+  if (photographs.masks != MaskUse::object || photographs.invert_masks)
+    out += fmt::format(" masks {} {}", static_cast<int>(photographs.masks), photographs.invert_masks);
   for (const Leg& each : legs) {
     out += " |";
     for (const int view : each.views)
@@ -56,6 +62,7 @@ std::string SceneFit::Impl::text_of_request() const {
   }
   const Scene start = given.make(legs.back().views);
   if (start.antialias) out += " | antialias";
+  out += " | near " + exact_text(static_cast<double>(start.near));
   if (!start.offset.isZero(0))
     out += fmt::format(" | about {} {} {}", exact_text(start.offset.x()), exact_text(start.offset.y()),
                        exact_text(start.offset.z()));

@@ -25,16 +25,20 @@ bool is_kept(const ImageInfo& info) {
 // A mask that owns its picture's rows, scaled to the given size.
 class OwnedMask : public PixelRows {
  public:
-  OwnedMask(std::unique_ptr<PixelRows> picture, int width, int height)
-      : PixelRows(width, height, 1), picture_(std::move(picture)), mask_(*picture_) {
+  OwnedMask(std::unique_ptr<PixelRows> picture, int width, int height, bool invert)
+      : PixelRows(width, height, 1), picture_(std::move(picture)), mask_(*picture_), invert_(invert) {
     if (mask_.width != width || mask_.height != height) resized_.emplace(mask_, width, height);
   }
-  void next(float* row) override { resized_ ? resized_->next(row) : mask_.next(row); }
+  void next(float* row) override {
+    resized_ ? resized_->next(row) : mask_.next(row);
+    for (float* v = row; invert_ && v < row + width; ++v) *v = 1 - *v;
+  }
 
  private:
   std::unique_ptr<PixelRows> picture_;
   MaskRows mask_;
   std::optional<ResizedRows> resized_;
+  bool invert_;
 };
 
 }  // namespace
@@ -121,11 +125,13 @@ std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
   if (!is_same_shape(info.width, info.height, width, height))
     fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's shape",
          names().mask, info.width, info.height, names().picture, width, height);
-  return std::make_unique<OwnedMask>(mask_file_->rows(), width, height);
+  return std::make_unique<OwnedMask>(mask_file_->rows(), width, height, photographs_->invert_masks);
 }
 
+std::unique_ptr<PixelRows> LoadedPhotograph::object_mask() { return has_object_mask() ? mask() : nullptr; }
+
 std::optional<MaskExtent> LoadedPhotograph::extent() {
-  if (listed_.mask) return mask_extent(*mask());
+  if (has_object_mask()) return mask_extent(*mask());
   if (is_masked()) return mask_extent(*picture());
   return std::nullopt;
 }
@@ -138,18 +144,20 @@ PictureNames LoadedPhotograph::names() const {
 
 std::optional<MaskShares> LoadedPhotograph::shares() {
   if (!is_masked()) return std::nullopt;
-  const std::unique_ptr<PixelRows> rows = listed_.mask ? mask() : picture();
+  const std::unique_ptr<PixelRows> rows = has_object_mask() ? mask() : picture();
   return mask_shares(*rows);
 }
 
 FramedView LoadedPhotograph::framed(const Framing& framing) {
-  const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
+  const std::unique_ptr<PixelRows> pixels = picture(), masks = object_mask();
   return frame_view(listed_.camera, *pixels, masks.get(), framing, names());
 }
 
 WholeView LoadedPhotograph::whole(int longest) {
   const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
-  return whole_view(listed_.camera, *pixels, masks.get(), longest, names());
+  const bool object = has_object_mask();
+  return whole_view(listed_.camera, *pixels, object ? masks.get() : nullptr, longest, names(),
+                    object ? nullptr : masks.get());
 }
 
 void check_masks_of(const Photographs& photographs, std::span<const int> views) {
@@ -187,7 +195,7 @@ void LoadedPhotograph::read_through() {
 }
 
 bool LoadedPhotograph::is_masked() {
-  return listed_.mask || (file_ ? file_->info().alpha : made_picture().channels == 4);
+  return has_object_mask() || (file_ ? file_->info().alpha : made_picture().channels == 4);
 }
 
 }  // namespace vsplat

@@ -12,11 +12,19 @@
 
 namespace vsplat {
 
+// What is outside a mask. Alpha in a picture always marks the object.
+enum class MaskUse {
+  object,  // nothing: the mask shows the object
+  ignore   // something unknown, which takes no part
+};
+
 // Photographs as listed.
 struct Photographs {
   ViewSet set;
   // Makes the picture of a view (by its index; 3 or 4 channels). If empty, pictures are read from the views' files.
   std::function<Image(int)> picture = {};
+  MaskUse masks = MaskUse::object;
+  bool invert_masks = false;  // black is inside
 };
 
 // The orientation to apply to a view's picture so that it matches the camera: 1 (as stored) or the orientation stated
@@ -67,18 +75,21 @@ class LoadedPhotograph {
   // The network's input, without a background yet.
   FramedView framed(const Framing& framing);
 
-  // The whole picture, its longer side at most `longest` pixels (0: unchanged).
+  // The whole picture, its longer side at most `longest` pixels (0: unchanged). With MaskUse::ignore, pixels that the
+  // mask does not cover are unknown.
   WholeView whole(int longest);
   // Decodes the whole picture and mask, to detect errors.
   void read_through();
-  // Whether a mask or an alpha channel marks the object.
+  // Whether a mask or an alpha channel marks the object. extent(), shares() and framed() use only such masks.
   bool is_masked();
 
  private:
   PictureNames names() const;
   // Valid as long as this object.
   std::unique_ptr<PixelRows> picture();
-  std::unique_ptr<PixelRows> mask();  // of the picture's size; null if none is listed
+  std::unique_ptr<PixelRows> mask();         // of the picture's size, white inside; null if none is listed
+  std::unique_ptr<PixelRows> object_mask();  // null if it is to be ignored
+  bool has_object_mask() const { return listed_.mask && photographs_->masks == MaskUse::object; }
   const Image& made_picture();
 
   const Photographs* photographs_;

@@ -168,8 +168,22 @@ FramedView frame_view(const Camera& listed, PixelRows& picture, PixelRows* mask,
   return {seen_through(picture, mask, window, camera, names), pinhole(camera, window)};
 }
 
-WholeView whole_view(const Camera& listed, PixelRows& picture, PixelRows* mask, int longest,
-                     const PictureNames& names) {
+namespace {
+
+// 1 for the window's pixels of which more than `least` is covered: by what the lens shows and, if given, by `part`.
+Image covered(const Camera& camera, const Window& window, PixelRows* part, float least) {
+  PlainRows everywhere(camera.width, camera.height, 4, 1.0f);
+  PremultipliedRows source(everywhere, part);
+  const Image shares = seen_through(source, window, camera);
+  Image out(shares.width, shares.height, 1);
+  for (std::size_t i = 0; i < out.data.size(); ++i) out.data[i] = shares.data[4 * i + 3] > least ? 1.0f : 0.0f;
+  return out;
+}
+
+}  // namespace
+
+WholeView whole_view(const Camera& listed, PixelRows& picture, PixelRows* mask, int longest, const PictureNames& names,
+                     PixelRows* part) {
   const Camera camera = checked(listed, picture, mask, names);
   const int longer = std::max(picture.width, picture.height);
   const double step = longest > 0 && longer > longest ? static_cast<double>(longer) / longest : 1.0;
@@ -180,12 +194,11 @@ WholeView whole_view(const Camera& listed, PixelRows& picture, PixelRows* mask, 
   WholeView out;
   out.camera = pinhole(camera, window);
   out.image = seen_through(picture, mask, window, camera, names);
-  if (is_pinhole(camera.distortion)) return out;
-  PlainRows everywhere(picture.width, picture.height, 4, 1.0f);
-  const Image covered = seen_through(everywhere, window, camera);
-  out.known = Image(covered.width, covered.height, 1);
-  for (std::size_t i = 0; i < out.known.data.size(); ++i)
-    out.known.data[i] = covered.data[4 * i + 3] > 0.999f ? 1.0f : 0.0f;
+  if (!is_pinhole(camera.distortion)) out.known = covered(camera, window, nullptr, 0.999f);
+  if (!part) return out;
+  const Image inside = covered(camera, window, part, 0.9f);
+  if (out.known.empty()) out.known = Image(inside.width, inside.height, 1, 1.0f);
+  for (std::size_t i = 0; i < inside.data.size(); ++i) out.known.data[i] *= inside.data[i];
   return out;
 }
 

@@ -43,7 +43,7 @@ struct FramedView {
 struct WholeView {
   Image image;    // [H][W][4], premultiplied
   Camera camera;  // W x H, no distortion
-  Image known;    // [H][W][1]: 0 for pixels that the lens does not show; empty if all are valid
+  Image known;    // [H][W][1]: 0 for pixels that the lens does not show or `part` leaves out; empty if all are valid
 };
 
 // Names of the picture and the mask in messages.
@@ -61,10 +61,12 @@ FramedView frame_view(const Camera& camera, PixelRows& picture, PixelRows* mask,
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 
 // As frame_view() for the whole picture; if its longer side exceeds `longest` pixels, it is scaled down to that by area
-// (0: unchanged).
+// (0: unchanged). `part`, of the picture's size with 1 channel, may be null: of pixels that it covers by less than nine
+// tenths nothing is known.
 WholeView whole_view(const Camera& camera, const Image& picture, const Image* mask, int longest,
                      const PictureNames& names);
-WholeView whole_view(const Camera& camera, PixelRows& picture, PixelRows* mask, int longest, const PictureNames& names);
+WholeView whole_view(const Camera& camera, PixelRows& picture, PixelRows* mask, int longest, const PictureNames& names,
+                     PixelRows* part = nullptr);
 
 // Reads the pictures from files; `mask_path` may be empty. Errors name the files.
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,

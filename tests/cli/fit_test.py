@@ -273,7 +273,55 @@ class Fit(support.Case):
         told = self.told(*self.fit("--holdout", 1, "--steps", 1000000, "--time", 1))
         self.assertLess(told["seconds"], 30)
 
+    def opaque(self):
+        """Puts the pictures on blue, without alpha. Returns their paths."""
+        paths = sorted(pathlib.Path(self.photos).rglob("*.png"))
+        for path in paths:
+            width, height, pixels = support.read_png(path)
+            self.assertEqual(len(pixels), 4 * width * height)
+            rows = [[tuple((pixels[i + c] * pixels[i + 3] + (50, 100, 230)[c] * (255 - pixels[i + 3])) // 255 for c in range(3))
+                     for i in range(4 * width * y, 4 * width * (y + 1), 4)] for y in range(height)]
+            support.write_png(path, width, height, rows)
+        return paths
+
+    def test_a_sky_is_written_as_gaussians(self):
+        self.opaque()
+        held = ("--holdout", 1, "--steps", 150, "--background")
+        told = self.told(*self.fit(*held, "sky"))
+        self.assertGreater(told["gaussians"], 10000)
+        self.assertAlmostEqual(told["over_sky"]["psnr"], told["result"]["psnr"], delta=1)
+        self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 3)
+        self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:1", "--size", "24x24", "--images", self.path("drawn"), "--background", "black",
+                      "--quiet")
+        corner = support.read_png(next(pathlib.Path(self.path("drawn")).glob("*.png")))[2][:3]
+        self.assertGreater(corner[2], corner[0] + 30, "the sky is blue")
+        for behind in ("random", "#3264e6"):
+            told = self.told(*self.fit(*held, behind, "--overwrite"))
+            self.assertLess(told["gaussians"], 10000)
+            self.assertNotIn("over_sky", told)
+
+    def test_what_masks_leave_out_takes_no_part(self):
+        masks = pathlib.Path(self.photos, "masks")
+        paths = self.opaque()
+        masks.mkdir()
+        for path in paths:
+            width, height, pixels = support.read_png(path)
+            half = [[tuple(pixels[3 * (y * width + x):][:3]) if x < width // 2 else (255, 0, 0) for x in range(width)] for y in range(height)]
+            support.write_png(path, width, height, half)
+            support.write_png(masks / path.name, width, height, [[(255 * (x < width // 2),) * 3 for x in range(width)]] * height)
+        given = ("--holdout", 1, "--steps", 60, "--masks", "ignore", "--background", "#3264e6", "--overwrite")
+        left = self.told(*self.fit(*given))
+        whole = self.told(*self.fit(*given[:4], *given[6:], "--masks", "object"))
+        both = self.told(*self.fit(*given, "--invert-masks"))
+        self.assertGreater(left["result"]["psnr"], left["start"]["psnr"] + 1)
+        self.assertGreater(left["start"]["psnr"], both["start"]["psnr"] + 5, "the red half is not measured")
+        self.assertNotEqual(left["start"], whole["start"])
+
     def test_what_is_refused(self):
+        self.refuses(2, ["--background sky", "5 of the 5", "--masks"], *self.fit("--background", "sky"))
+        self.refuses(2, ["--background", "skyish"], *self.fit("--background", "skyish"))
+        self.refuses(2, ["--masks", "none of the 5"], *self.fit("--masks", "ignore"))
+        self.refuses(2, ["--invert-masks", "none of the 5"], *self.fit("--invert-masks"))
         self.refuses(2, "--start", "fit", self.photos, "--output", self.path("x.ply"))
         self.refuses(2, "--output", "fit", self.photos, "--start", self.ball)
         self.refuses(1, "nowhere.ply", *self.fit(start=self.path("nowhere.ply")))

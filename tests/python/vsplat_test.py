@@ -154,6 +154,7 @@ class Module(unittest.TestCase):
         self.assertEqual(told[-1][0], "fitting")
         self.assertEqual(told[-1][1], 1)
         self.assertEqual(len(out), 20)
+        self.assertFalse(np.array_equal(self.device.fit(views, start, steps=6, background=(0, 0, 0)).arrays().opacities, out.arrays().opacities))
         with self.assertRaises(ZeroDivisionError):
             self.device.fit(views, start, steps=6, progress=lambda *_: 1 / 0)
         del told[:]
@@ -223,6 +224,8 @@ class Module(unittest.TestCase):
                 "center has 2 numbers: 3": lambda: views.prepare(model, center=(0, 0)),
                 "up has 4 numbers: 3": lambda: vsplat.Scene.from_arrays(*gaussians(), up=(0, 0, 0, 1)),
                 "index is -1": lambda: views.prepare(model).camera(-1), "steps is ": lambda: device.fit(views, scene, steps=1 << 63),
+                "background is 'skyish': auto, random, sky": lambda: device.fit(views, scene, background="skyish"),
+                "masks is 'none': object, ignore": lambda: device.fit(views, scene, masks="none"),
                 "supersample is -1": lambda: device.render(scene, camera(), supersample=-1),
                 "width is 4294967336": lambda: device.render(scene, camera(width=(1 << 32) + 40)),
                 "voxels holds -1": lambda: device.reconstruct(model, views.prepare(model), voxels=[-1])}.items():

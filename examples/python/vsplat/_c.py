@@ -96,6 +96,13 @@ def _numbers(values: Any, type_: Any, count: int, name: str) -> Any:
     return (type_ * count)(*(_number(value, f"{name}[{i}]") for i, value in enumerate(given)))
 
 
+def _choice(value: Any, name: str, choices: tuple[str, ...]) -> int:
+    """Returns an enumerator's number, its place in `choices`."""
+    if value not in choices:
+        raise UsageError(f"{name} is {value!r}: {', '.join(choices)} expected")
+    return choices.index(value)
+
+
 def _bytes(text: str | bytes, name: str) -> bytes:
     """Returns a string for C, which ends at the first NUL."""
     if not isinstance(text, (str, bytes)):
@@ -248,7 +255,8 @@ class _FitOptions(_Struct):
                 ("steps", c.c_int64), ("seconds", c.c_double), ("max_gaussians", c.c_uint64), ("sh_degree", c.c_int32),
                 ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32),
                 ("checkpoint", c.c_char_p), ("resume", c.c_int32), ("extent", c.c_int), ("near_plane", c.c_double), ("quality", c.c_int),
-                ("antialias", c.c_int32), ("density", c.c_int), ("consolidate", c.c_double)]
+                ("antialias", c.c_int32), ("density", c.c_int), ("consolidate", c.c_double), ("background", c.c_int),
+                ("background_colour", c.c_float * 3), ("masks", c.c_int), ("invert_masks", c.c_int32)]
 
 
 class _FitProgress(_Struct):

@@ -10,7 +10,7 @@ from typing import Any, Callable, Iterable, Sequence
 import numpy as np
 
 from ._c import (UsageError, _Camera, _DeviceInfo, _DeviceOptions, _FitOptions, _FitProgress, _JobOptions, _OpenclGaussians, _OpenclHandles,
-            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _bytes, _call, _info, _lib, _number,
+            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _bytes, _call, _choice, _info, _lib, _number,
             _numbers, _on_end, _whole)
 from ._dlpack import _array
 from ._handles import Progress, _Handle, _Telling, _given, _jobs, _jobs_lock, _take_text
@@ -96,14 +96,16 @@ class Device(_Handle):
         return Scene(handle)
 
     def fit(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
-               poses: bool = False, exposure: bool = False, antialias: bool = False, seed: int = 0, strategy: str = "error",
-               consolidate: float = 0.0, progress: Progress | None = None) -> Scene:
+               poses: bool = False, exposure: bool = False, antialias: bool = False, seed: int = 0, progress: Progress | None = None,
+               strategy: str = "error", consolidate: float = 0.0, background: Sequence[float] | str = "auto", masks: str = "object",
+               invert_masks: bool = False) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
         or the model that makes one from the views; `antialias`: fits it for drawing at any size; `steps`, `max_gaussians`: 0: by the
         number of views; `seconds`: 0: no limit; `longest`: longer side of the pictures in pixels (0: unscaled); `strategy`: "error" splits
         Gaussians that cover the pictures' errors, "mcmc" adds some where opaque ones are; `consolidate`: share of the Gaussians that stays
-        at the end. An exception in `progress` ends the fit; if it returns False,
-        the result is the best scene so far."""
+        at the end. `background`, where transmittance is left: "auto", a colour (three numbers from 0 to 1), "random" or "sky"; `masks`,
+        what is outside them: "object" (nothing) or "ignore" (takes no part). An exception in `progress` ends the fit; if it returns
+        False, the result is the best scene so far."""
         if not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")
         if strategy not in ("error", "mcmc"):
@@ -111,6 +113,11 @@ class Device(_Handle):
         options = _FitOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
                                  max_gaussians=max_gaussians, poses=poses, exposure=exposure, antialias=antialias, seed=seed,
                                  density=1 if strategy == "mcmc" else 0, consolidate=consolidate)
+        plain = not isinstance(background, str)
+        options.background = 1 if plain else (0, 2, 3)[_choice(background, "background", ("auto", "random", "sky"))]
+        if plain:
+            options.background_colour = _numbers(background, c.c_float, 3, "background")
+        options.masks, options.invert_masks = _choice(masks, "masks", ("object", "ignore")), invert_masks
         setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
         handle = c.c_void_p()
         _call("fit_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))

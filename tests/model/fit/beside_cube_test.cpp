@@ -24,6 +24,9 @@ TEST(BesideCube, CountsWhatIsNotWhiteThere) {
   EXPECT_NEAR(shown_beside_cube(picture), 1 - 20 * 20 / 3200.0, 0.002);
   for (std::size_t i = 0; i < picture.rgba.size() / 2; ++i) picture.rgba[i] = 255;  // the upper half is white
   EXPECT_NEAR(shown_beside_cube(picture), 0.5 * (1 - 20 * 20 / 3200.0), 0.002);
+  EXPECT_EQ(shown_beside_cube(seen_from(3), 1, {0.5f, 0.5f, 0.5f}), 0) << "it has the background's colour";
+  picture.known.assign(80 * 40, 0);
+  EXPECT_EQ(shown_beside_cube(picture), 0);
   picture.masked = true;
   EXPECT_EQ(shown_beside_cube(picture), 0);
   EXPECT_EQ(shown_beside_cube(seen_from(0.2)), 0) << "the camera is in the cube";

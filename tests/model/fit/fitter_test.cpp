@@ -5,6 +5,7 @@
 
 #include "model/base/rng.h"
 #include "model/diagnose/selftest/reference/loss.h"
+#include "model/diagnose/selftest/reference/sky_background.h"
 #include "model/diagnose/selftest/reference/splat.h"
 #include "model/diagnose/selftest/reference/splat_parameters.h"
 #include "tests/support/compare.h"
@@ -33,6 +34,7 @@ struct Objective {
   ref::Left left;
   Parameters home;
   std::vector<float> variances = {};  // of the 3D filter; empty: none
+  std::vector<double> sky = {};       // coefficients [25,3], or none
   std::vector<float> target = {};     // fixed at the parameters at which the gradient is taken
 
   Gaussians gaussians(const Parameters& x) const {
@@ -51,11 +53,17 @@ struct Objective {
     return g;
   }
 
+  ref::Frame render(const Parameters& x) const {
+    ref::Frame out = ref::render(gaussians(x), picture.camera, drawing);
+    if (!sky.empty()) out.colour = ref::over_sky(sky, picture.camera, out.colour, out.alpha);
+    return out;
+  }
+
   bool known(std::size_t pixel) const { return picture.known.empty() || picture.known[pixel] != 0; }
 
   // Returns the distance of the drawn picture from the loss's kinks: from the target, and from black and white.
   double hold(const Parameters& x) {
-    const ref::Frame f = ref::render(gaussians(x), picture.camera, drawing);
+    const ref::Frame f = render(x);
     double nearest = 1;
     target.clear();
     for (std::size_t i = 0; i < f.colour.size(); ++i) {
@@ -71,7 +79,7 @@ struct Objective {
   }
 
   double operator()(const Parameters& x) const {
-    const ref::Frame f = ref::render(gaussians(x), picture.camera, drawing);
+    const ref::Frame f = render(x);
     double sum = ref::loss(f.colour, target, picture.camera.height, picture.camera.width,
                            static_cast<double>(options.ssim_weight), {true, true, similar})[0];
     for (std::size_t i = 0; i < f.colour.size(); ++i)  // 0 where nothing is known, instead of a kink with a rounded
@@ -142,6 +150,14 @@ class FitterTest : public test::FlavourTest {
     return out;
   }
 
+  // Moves the colours of an unmasked picture away from what is drawn over a sky, and from black and white.
+  static void keep_off(FitPicture& picture, const std::vector<double>& shown) {
+    for (std::size_t i = 0; i < shown.size(); ++i) {
+      std::uint8_t& given = picture.rgba[4 * (i / 3) + i % 3];
+      if (std::abs(given / 255.0 - shown[i]) < 0.04) given = byte_of(shown[i] + (shown[i] > 0.5 ? -0.1 : 0.1));
+    }
+  }
+
   // Compares the gradient after this many steps with differences of the objective.
   void check_gradient(FitOptions options, int steps, bool masked, bool with_unknown) {
     options.high_scale = 2;  // wider than any of wide_ones()
@@ -154,9 +170,15 @@ class FitterTest : public test::FlavourTest {
     drawing.mirror = Eigen::Vector3f(0.1f, -0.2f, 0.3f).cast<double>();
     const auto random =
         philox4x32_10({0, static_cast<std::uint32_t>(steps), stream_of("fit.background"), 0}, rng_key(options.seed));
+    using Kind = FitBackground::Kind;
+    const Kind kind = options.background.kind;
     std::array<double, 3> background{1, 1, 1};
-    if (masked && options.random_background && steps % 2 == 1)
-      for (std::size_t c = 0; c < 3; ++c) background[c] = static_cast<double>(uniform01(random[c]));
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (kind == Kind::random || (kind == Kind::automatic && masked && steps % 2 == 1))
+        background[c] = static_cast<double>(uniform01(random[c]));
+      if (kind == Kind::colour) background[c] = static_cast<double>(options.background.colour[c]);
+      if (kind == Kind::sky) background[c] = 0;
+    }
     const ref::Left left{static_cast<double>(options.drop), options.seed, static_cast<std::uint32_t>(steps)};
     Gaussians seen = start;
     for (std::size_t k = 0; k < seen.count; ++k)
@@ -171,18 +193,21 @@ class FitterTest : public test::FlavourTest {
     if (options.antialias) fitter.set_cameras({nearer});
     Objective objective{picture, options, drawing, false, {}, read(fitter.parameters())};
     for (int i = 0; i < steps; ++i) fitter.step(given);
-    fitter.differentiate(given);
+    if (kind == Kind::sky) objective.sky = random_sky(fitter);
     Parameters x = read(fitter.parameters());
+    objective.drawing.background = background;
+    objective.left = left;
+    if (kind == Kind::sky) keep_off(picture, objective.render(x).colour);
+    const DeviceFitPicture now = upload(ctx(), picture);
+    fitter.differentiate(now);
     const GaussianGradients g = fitter.gradient();
     const Parameters got = read({g.means, g.scales, g.quats, g.opacities, g.sh});
 
     if (options.antialias) objective.variances = fitter.state().at("filter.variances").data;
-    objective.drawing.background = background;
     objective.similar = options.ssim_weight > 0;
-    objective.left = left;
     ASSERT_GT(objective.hold(x), 0.003) << "near a kink";
-    const double loss = ref::loss(ref::render(objective.gaussians(x), camera, objective.drawing).colour,
-                                  objective.target, 11, 13, options.ssim_weight, {true, true, objective.similar})[0];
+    const double loss = ref::loss(objective.render(x).colour, objective.target, 11, 13, options.ssim_weight,
+                                  {true, true, objective.similar})[0];
     EXPECT_NEAR(ctx().read<float>(fitter.last_loss())[0], loss, 1e-5);
 
     const auto compare = [&](std::vector<float> Parameters::*kind, const char* name, std::size_t channels = 1) {
@@ -212,6 +237,16 @@ class FitterTest : public test::FlavourTest {
     EXPECT_EQ(fitter.steps_done(), steps + 1);
     for (const Tensor& t : {g.means, g.scales, g.quats, g.opacities, g.sh})
       EXPECT_EQ(ctx().read<float>(t), std::vector<float>(static_cast<std::size_t>(t.count()), 0.0f));
+  }
+
+  // Gives the fitter a sky of random coefficients, and returns them.
+  static std::vector<double> random_sky(Fitter& fitter) {
+    FitTensors state = fitter.state();
+    std::vector<float>& sky = state.at("sky.x").data;
+    sky = test::random_floats(75, 9);
+    for (float& v : sky) v *= 0.1f;
+    fitter.restore(state, fitter.steps_done());
+    return {sky.begin(), sky.end()};
   }
 
   // Pictures of `g`, drawn from around it.
@@ -311,6 +346,18 @@ TEST_P(FitterTest, TheFilterLetsNoGaussianBeFinerThanThePictures) {
   for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(seen.scales[i], 0.1f, 1e-5);
   for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(seen.opacities[k], g.opacities[k], 1e-4);
   for (std::size_t i = 9; i < 18; ++i) EXPECT_GT(seen.scales[i], 0.2 * 1.9 / 50);
+}
+
+TEST_P(FitterTest, GradientMatchesDifferencesOverEachBackground) {
+  using Kind = FitBackground::Kind;
+  FitOptions options = all_terms();
+  for (const Kind kind : {Kind::colour, Kind::random, Kind::sky}) {
+    SCOPED_TRACE(static_cast<int>(kind));
+    options.background = {kind, {0.2f, 0.9f, 0.4f}};
+    check_gradient(options, 2, false, true);
+  }
+  options.background.kind = Kind::random;
+  check_gradient(options, 2, true, false);
 }
 
 TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {

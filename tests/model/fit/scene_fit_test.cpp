@@ -7,6 +7,7 @@
 #include <map>
 #include <thread>
 
+#include "model/base/resample.h"
 #include "model/fit/suspects.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -227,6 +228,49 @@ TEST_F(SceneFitTest, ResumedWithTheSameBits) {
       request.checkpoint.clear();
     }
   }
+}
+
+TEST_F(SceneFitTest, WithASkyItResumesToTheSameBits) {
+  make(12);
+  for (Image& picture : pictures_) picture = over(premultiplied(picture), {0.2f, 0.4f, 0.9f});
+  FitRequest request;
+  request.steps = 80;
+  request.max_gaussians = 150;
+  request.exposure = true;
+  request.background.kind = FitBackground::Kind::sky;
+  const FitResult want = run(request);
+  EXPECT_GT(want.result.psnr, want.start.psnr + 1);
+  EXPECT_NEAR(want.over_sky.psnr, want.result.psnr, 1);
+  EXPECT_GT(want.scene.gaussians.count, static_cast<std::size_t>(kSkyGaussians));
+  const test::TemporaryFolder folder;
+  request.checkpoint = folder.path();
+  {
+    SceneFit fit(ctx(), photographs_, start(), request);
+    for (int i = 0; i < 71; ++i) fit.step();
+  }
+  request.resume = true;
+  const FitResult got = run(request);
+  EXPECT_EQ(got.scene.gaussians.means, want.scene.gaussians.means);
+  EXPECT_EQ(got.scene.gaussians.sh, want.scene.gaussians.sh);
+  EXPECT_EQ(got.result.psnr, want.result.psnr);
+  EXPECT_EQ(got.over_sky.psnr, want.over_sky.psnr);
+  request.background.kind = FitBackground::Kind::random;
+  test::expect_error(Status::usage, {"another fit"}, [&] { run(request); });
+}
+
+TEST_F(SceneFitTest, MasksAndBackgroundsThatCannotBeAreRefused) {
+  make(12);
+  FitRequest request;
+  request.steps = 2;
+  request.background.kind = FitBackground::Kind::sky;
+  test::expect_error(Status::usage, {"background", "12 of the 12 pictures have a mask or alpha"},
+                     [&] { run(request); });
+  request.background = {};
+  photographs_.masks = MaskUse::ignore;
+  test::expect_error(Status::usage, {"masks", "none of the 12 pictures has a mask"}, [&] { run(request); });
+  photographs_.masks = MaskUse::object;
+  photographs_.invert_masks = true;
+  test::expect_error(Status::usage, {"invert_masks", "none of the 12"}, [&] { run(request); });
 }
 
 TEST_F(SceneFitTest, AnotherRequestsStateIsRefused) {

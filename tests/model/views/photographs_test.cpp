@@ -145,6 +145,53 @@ TEST(Photographs, AWholePictureComesWithItsMask) {
                      [&] { LoadedPhotograph(photographs, 2).whole(0); });
 }
 
+// A mask that is ignored outside leaves the picture as it is, and says where something is known of it.
+TEST(Photographs, AnIgnoredMaskMarksNoObject) {
+  const TemporaryFolder folder;
+  Photographs photographs = ring_of(1);
+  ListedView& view = photographs.set.views[0];
+  view.picture = folder / "0.png";
+  write_png(view.picture.string(), Image(640, 480, 3, 0.6f));
+  view.mask = folder / "mask.png";
+  write_png(folder / "mask.png", disc(1));
+  photographs.masks = MaskUse::ignore;
+  const auto known = [&](int longest) {
+    LoadedPhotograph one(photographs, 0);
+    EXPECT_FALSE(one.is_masked());
+    EXPECT_FALSE(one.shares());
+    EXPECT_FALSE(one.extent());
+    const WholeView whole = one.whole(longest);
+    for (std::size_t i = 0; i < whole.image.data.size(); ++i)
+      EXPECT_NEAR(whole.image.data[i], i % 4 == 3 ? 1 : 0.6, 0.01);
+    double sum = 0;
+    for (const float v : whole.known.data) sum += static_cast<double>(v);
+    EXPECT_EQ(whole.known.at(whole.known.width / 2, whole.known.height / 2)[0], photographs.invert_masks ? 0 : 1);
+    return sum;
+  };
+  const double inside = known(0);
+  EXPECT_NEAR(inside, M_PI * 30 * 30, 30);
+  EXPECT_LT(known(64), inside / 100);  // pixels on the edge are unknown
+  photographs.invert_masks = true;
+  EXPECT_EQ(known(0), 640 * 480 - inside);
+  EXPECT_NEAR(known(64), 64 * 48 - inside / 100, 30);
+}
+
+TEST(Photographs, AnInvertedMaskShowsTheObjectInBlack) {
+  const TemporaryFolder folder;
+  Photographs photographs = ring_of(1);
+  ListedView& view = photographs.set.views[0];
+  view.picture = folder / "0.png";
+  write_png(view.picture.string(), Image(640, 480, 3, 0.6f));
+  view.mask = folder / "mask.png";
+  write_png(folder / "mask.png", disc(1));
+  const auto alpha = [&] { return LoadedPhotograph(photographs, 0).whole(0).image; };
+  EXPECT_EQ(alpha().at(320, 240)[3], 1);
+  EXPECT_EQ(alpha().at(0, 0)[3], 0);
+  photographs.invert_masks = true;
+  EXPECT_EQ(alpha().at(320, 240)[3], 0);
+  EXPECT_EQ(alpha().at(0, 0)[3], 1);
+}
+
 TEST(Photographs, AMadePictureSaysByItsAlphaWhatTheObjectIs) {
   Photographs photographs = ring_of(2);
   photographs.picture = [](int view) { return disc(view == 0 ? 4 : 3); };

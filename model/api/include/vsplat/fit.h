@@ -71,6 +71,25 @@ typedef enum vsplat_density {
   VSPLAT_DENSITY_MCMC = 1   /* others are added where opaque ones are, which share their opacity (3DGS-MCMC) */
 } vsplat_density;
 
+/* What is behind the Gaussians where transmittance is left, while fitting and where pictures are measured. */
+typedef enum vsplat_background {
+  VSPLAT_BACKGROUND_AUTO = 0, /* white; pictures whose mask or alpha marks an object are fitted over a random colour in
+                                   every other step */
+  VSPLAT_BACKGROUND_COLOUR = 1, /* `background_colour` */
+  VSPLAT_BACKGROUND_RANDOM = 2, /* a random colour in every step, which leaves no holes; measured over black */
+  VSPLAT_BACKGROUND_SKY = 3     /* a sky that is fitted, too: spherical harmonics of degree 4 over directions. In the
+                                   scene it is a sphere of 10,000 Gaussians about the cameras' mean, with a radius of
+                                   100 edges of the cube, and the result is measured with those over black. The start
+                                   is measured before mid grey. Not for pictures whose mask or alpha marks an object */
+} vsplat_background;
+
+/* What is outside a mask. Alpha in a picture always marks the object. */
+typedef enum vsplat_masks {
+  VSPLAT_MASKS_OBJECT = 0, /* nothing: the mask shows the object, and the scene is empty around it */
+  VSPLAT_MASKS_IGNORE = 1  /* something unknown, such as people who walk past: pixels that lie inside the mask by less
+                              than nine tenths take no part in the fit, nor in what is measured */
+} vsplat_masks;
+
 /* Progress of a fit. */
 typedef struct vsplat_fit_progress {
   size_t size;
@@ -117,21 +136,26 @@ typedef struct vsplat_fit_options {
   int32_t resume;         /* 1: resume from `checkpoint` if it holds a state; that must be of the same request and the
                              same tuned parameters (vsplat_device_info.tuning) */
   vsplat_fit_extent extent;
-  double near_plane; /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole scene a
+  double
+      near_plane; /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole scene a
                         hundredth of the distance to the nearest points that the pictures show */
   vsplat_fit_quality quality;
-  int32_t antialias;      /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
+  int32_t antialias; /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
                              vsplat_scene_info.antialias; a start that has it is always fitted so */
   vsplat_density density;
   double consolidate; /* 0: none. Above 0 and below 1, for 12 views or more: the share of the Gaussians that stays after
                          the steps, those with the most visible pixels in the fitted pictures; 300 more steps follow.
                          If the fit is stopped before, every Gaussian stays */
+  vsplat_background background;
+  float background_colour[3]; /* red, green, blue in [0,1]; for VSPLAT_BACKGROUND_COLOUR */
+  vsplat_masks masks;
+  int32_t invert_masks; /* 1: masks are black inside, not white */
 } vsplat_fit_options;
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0,                         \
-        VSPLAT_DENSITY_ERROR, 0.0                                                                                      \
+        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_ERROR,   \
+        0.0, VSPLAT_BACKGROUND_AUTO, {1.0f, 1.0f, 1.0f}, VSPLAT_MASKS_OBJECT, 0                                        \
   }
 
 /* A fit in progress. Belongs to its device. */
@@ -169,12 +193,14 @@ typedef struct vsplat_fit_result {
   int32_t
       num_held_out; /* number of held-out pictures; with few views, each was measured with a scene fitted without it;
                          0: none */
-  double start_psnr, start_ssim;   /* means over those, on white; NaN if there are none */
+  double start_psnr, start_ssim;   /* means over those, over the background; NaN if there are none */
   double result_psnr, result_ssim; /* of the scene that would be returned if the start could not be */
   int32_t num_outliers;            /* number of outliers: pictures that disagree with the others */
+  double sky_psnr, sky_ssim; /* with VSPLAT_BACKGROUND_SKY and views held out for the whole fit: those of the result
+                                before its sky became Gaussians; else NaN */
 } vsplat_fit_result;
 #define VSPLAT_FIT_RESULT_INIT \
-  { sizeof(vsplat_fit_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0 }
+  { sizeof(vsplat_fit_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0 }
 
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_result);
 
@@ -190,7 +216,7 @@ typedef enum vsplat_fit_views {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_views(vsplat_fit fit, vsplat_fit_views which,
                                                                int32_t* out_views, size_t capacity, size_t* out_count);
 /* View `index` of the list as it is fitted or measured: its camera (a pinhole, scaled with the picture, in the world,
-   corrected if `poses` is 1), and its picture on white, float [height][width][3], into the caller's memory of
+   corrected if `poses` is 1), and its picture over the background, float [height][width][3], into the caller's memory of
    `capacity` floats. `out_camera` and `out_pixels` may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_view(vsplat_fit fit, size_t index, vsplat_camera* out_camera,
                                                               float* out_pixels, size_t capacity);
