@@ -1,7 +1,7 @@
-// Splits the Gaussians that cover the picture's errors: their scores, and the split along the longest axis. A Gaussian's
-// score in a picture is the sum over pixels of its blending weight times the pixel's error. What is split becomes two
-// Gaussians that are together as opaque in the middle: opacity' = 1 - sqrt(1 - opacity), their means OFFSET deviations to
-// either side along the longest axis, along which the deviation is multiplied by SHRINK.
+// Splits the Gaussians that cover the picture's errors: their scores, and the split along the longest axis. A
+// Gaussian's score in a picture is the sum over pixels of its blending weight times the pixel's error. What is split
+// becomes two Gaussians that are together as opaque in the middle: opacity' = 1 - sqrt(1 - opacity), their means OFFSET
+// deviations to either side along the longest axis, along which the deviation is multiplied by SHRINK.
 // ```
 // argument    type  shape  what
 // logits      f32   [K]    opacity = sigmoid(logit)

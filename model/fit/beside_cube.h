@@ -8,8 +8,8 @@
 
 namespace vsplat {
 
-// The share of a picture's pixels outside the projected cube [-edge/2,edge/2]^3 that are known and do not have the colour of
-// the background. 0 if the picture is masked, or if a corner of the cube is behind the camera.
+// The share of a picture's pixels outside the projected cube [-edge/2,edge/2]^3 that are known and do not have the
+// colour of the background. 0 if the picture is masked, or if a corner of the cube is behind the camera.
 double shown_beside_cube(const FitPicture& picture, double edge = 1,
                          const std::array<float, 3>& background = {1, 1, 1});
 

@@ -347,7 +347,7 @@ void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
     return by;
   };
   // The gradient stays zero: the picture's is.
-  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, drawing(), ones, {gradient()}, nullptr, sums);
+  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, drawing({0, 0, 0}), ones, {gradient()}, nullptr, sums);
 }
 
 void Fitter::replace(const Gaussians& gaussians) {

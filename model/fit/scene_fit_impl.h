@@ -1,5 +1,5 @@
 // A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit,
-// scene_fit_background, scene_fit_reduce and scene_fit_state.
+// scene_fit_background, scene_fit_reduce, scene_fit_state and scene_fit_step.
 #pragma once
 #include <functional>
 #include <map>
@@ -52,7 +52,7 @@ struct SceneFit::Impl {
   bool is_consolidated() const;
   long consolidation_steps() const;  // 0 without consolidation
   bool consolidates_now() const;
-  // The factor by which pictures are reduced in the step after `step` steps.
+  // The factor for the step after `step` steps.
   int reduction_after(long step) const;
   const DeviceFitPicture& on_device(int view, int reduction = 1);
   DeviceFitPicture corrected(int view, int reduction = 1);

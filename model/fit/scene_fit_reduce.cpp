@@ -9,7 +9,7 @@
 namespace vsplat {
 namespace {
 
-// A Gaussian's blending weights over all pixels of all fitted pictures, below which nobody misses it.
+// A Gaussian's blending weights over all pixels of all fitted pictures, below which no picture misses it.
 constexpr float kLeastWeight = 0.2f;
 constexpr long kConsolidationSteps = 300;
 
@@ -42,8 +42,8 @@ Gaussians SceneFit::Impl::without_sky(const Gaussians& scene) const {
 bool SceneFit::Impl::is_consolidated() const { return consolidated_after > 0; }
 long SceneFit::Impl::consolidation_steps() const { return request.consolidate > 0 ? kConsolidationSteps : 0; }
 
-// Continues with the Gaussians of `unreduced` whose blending weights `keep` accepts, and measures them as the scene after
-// `at` steps.
+// Continues with the Gaussians of `unreduced` whose blending weights `keep` accepts, and measures them as the scene
+// after `at` steps.
 void SceneFit::Impl::reduce(const std::function<std::vector<std::size_t>(const std::vector<float>&)>& keep, long at) {
   fitter->replace(*unreduced);
   const Tensor sums = ctx.tensor({fitter->count()}, Type::f32, "blending weights");

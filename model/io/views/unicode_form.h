@@ -1,5 +1,5 @@
-// Names that look the same and are different bytes: Unicode writes "ä" as one character (composed, as most systems do) or
-// as an "a" and a combining mark (decomposed, as macOS does).
+// Names that look the same and are different bytes: Unicode writes "ä" as one character (composed, as most systems do)
+// or as an "a" and a combining mark (decomposed, as macOS does).
 #pragma once
 #include <string_view>
 

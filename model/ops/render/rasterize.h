@@ -63,8 +63,8 @@ struct RasterizeBackward {
   DevicePicture picture;  // from the forward
   PictureGradient dpicture;
   Pulls pulls = Pulls::none;
-  // Whether dpicture.depth is a value of each pixel instead of a derivative by depth: the last column of the rows is then
-  // the sum of weight x value, and nothing else depends on it. Without pulls.
+  // Whether dpicture.depth is a value of each pixel instead of a derivative by depth: the last column of the rows is
+  // then the sum of weight x value, and nothing else depends on it. Without pulls.
   bool weigh = false;
 };
 IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& a);

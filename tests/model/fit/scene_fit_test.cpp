@@ -9,96 +9,14 @@
 
 #include "model/base/resample.h"
 #include "model/fit/suspects.h"
-#include "tests/support/compare.h"
-#include "tests/support/device.h"
-#include "tests/support/orbit.h"
 #include "tests/support/refusal.h"
+#include "tests/support/scene_fit_pictures.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
 
-constexpr int kSize = 48;
-
-// A scene, pictures of it with alpha from all around, and a start that is slightly wrong.
-class SceneFitTest : public ::testing::Test {
- protected:
-  static Context& ctx() { return test::context(Flavour::cpu); }
-
-  void make(int views) {
-    truth_ = Scene();
-    truth_.near = 0.05f;
-    Gaussians& g = truth_.gaussians;
-    g.count = 60;
-    const auto random = test::random_floats(g.count * 8, 5, 0, 1);
-    for (std::size_t k = 0; k < g.count; ++k) {
-      const float* r = &random[8 * k];
-      for (int i = 0; i < 3; ++i) g.means.push_back(0.6f * r[i] - 0.3f);
-      for (int i = 0; i < 3; ++i) g.scales.push_back(0.03f + 0.04f * r[3 + i]);
-      for (const float q : {1.0f, r[6], r[7], 0.0f}) g.quats.push_back(q);
-      g.opacities.push_back(0.9f);
-      for (int i = 0; i < 3; ++i) g.sh.push_back(3 * r[(k + static_cast<std::size_t>(i)) % 8] - 1.5f);
-    }
-    photographs_.set.source = "pictures in memory";
-    for (int v = 0; v < views; ++v) {
-      ListedView listed;
-      listed.camera = test::orbit(views, kSize).at(static_cast<std::size_t>(v));
-      listed.name = listed.camera.file = "picture " + std::to_string(v);
-      listed.picture = listed.name;
-      photographs_.set.views.push_back(listed);
-      pictures_.push_back(drawn(listed.camera));
-    }
-    photographs_.picture = [this](int view) { return pictures_.at(static_cast<std::size_t>(view)); };
-    start_ = truth_;
-    const auto noise = test::random_floats(g.sh.size(), 6);
-    for (std::size_t i = 0; i < noise.size(); ++i) start_.gaussians.sh[i] += 0.4f * noise[i];
-    for (std::size_t i = 0; i < start_.gaussians.means.size(); ++i)
-      start_.gaussians.means[i] += 0.02f * noise[i % noise.size()];
-  }
-
-  // Straight alpha.
-  Image drawn(const Camera& camera) {
-    RenderOptions options;
-    options.near = truth_.near;
-    options.background = {0, 0, 0};
-    const Picture p = render_picture(ctx(), upload(ctx(), truth_.gaussians), camera, options);
-    Image out(camera.width, camera.height, 4);
-    for (std::size_t i = 0; i < p.alpha.data.size(); ++i) {
-      const float a = p.alpha.data[i];
-      for (std::size_t c = 0; c < 3; ++c)
-        out.data[4 * i + c] = a > 0 ? std::min(p.colour.data[3 * i + c] / a, 1.0f) : 0;
-      out.data[4 * i + 3] = a;
-    }
-    return out;
-  }
-
-  FitStart start() {
-    FitStart out;
-    out.make = [this](const std::vector<int>& views) {
-      asked_.push_back(views);
-      return start_;
-    };
-    return out;
-  }
-
-  FitResult run(const FitRequest& request) {
-    SceneFit fit(ctx(), photographs_, start(), request);
-    while (fit.step()) {
-    }
-    return fit.result();
-  }
-
-  static void expect_finite(const Scene& scene) {
-    for (const std::vector<float>* values : {&scene.gaussians.means, &scene.gaussians.scales, &scene.gaussians.quats,
-                                             &scene.gaussians.opacities, &scene.gaussians.sh})
-      EXPECT_TRUE(std::all_of(values->begin(), values->end(), [](float v) { return std::isfinite(v); }));
-  }
-
-  Scene truth_, start_;
-  std::vector<Image> pictures_;
-  Photographs photographs_;
-  std::vector<std::vector<int>> asked_;  // of the start, in order
-};
+using test::SceneFitTest;
 
 TEST_F(SceneFitTest, FewViewsAreEachLeftOutAndThenAllFitted) {
   make(4);
@@ -299,86 +217,6 @@ TEST_F(SceneFitTest, AnotherStrategysStateIsRefused) {
   test::expect_error(Status::usage, {"refinement.safetensors", "another fit"}, [&] { run(request); });
 }
 
-// Gaussians that no camera sees are not in the result, whose figures are those of what is returned.
-TEST_F(SceneFitTest, WhatNoPictureMissesGoes) {
-  make(13);
-  Gaussians& g = start_.gaussians;
-  const std::size_t hidden = 20;  // behind the cameras
-  for (std::size_t k = 0; k < hidden; ++k) {
-    for (std::size_t i = 0; i < 3; ++i) g.means.push_back(k % 2 == 0 ? 40.0f : -40.0f), g.scales.push_back(0.01f);
-    for (const float q : {1.0f, 0.0f, 0.0f, 0.0f}) g.quats.push_back(q);
-    g.opacities.push_back(0.9f);
-    for (std::size_t i = 0; i < 3; ++i) g.sh.push_back(0.0f);
-    ++g.count;
-  }
-  for (const auto kind : {FitHoldout::Kind::automatic, FitHoldout::Kind::none}) {
-    FitRequest request;
-    request.holdout.kind = kind;
-    request.steps = 40;
-    request.max_gaussians = 80;
-    SceneFit fit(ctx(), photographs_, start(), request);
-    while (fit.step()) {
-    }
-    const FitResult result = fit.result();
-    EXPECT_EQ(result.steps, 40);
-    EXPECT_EQ(fit.progress().gaussians, static_cast<long>(result.scene.gaussians.count));
-    EXPECT_LE(result.scene.gaussians.count, 60U);
-    EXPECT_GT(result.scene.gaussians.count, 20U);
-    for (const float v : result.scene.gaussians.means) EXPECT_LT(std::abs(v), 5);
-    if (kind == FitHoldout::Kind::none) continue;
-    double psnr = 0;
-    for (const int view : result.judged) {
-      RenderOptions how;
-      how.near = result.scene.near;
-      const Picture drawn = render_picture(ctx(), upload(ctx(), result.scene.gaussians), fit.camera(view), how);
-      const Image given = fit.picture(view);
-      double sum = 0;
-      for (std::size_t i = 0; i < given.data.size(); ++i)
-        sum += std::pow(std::clamp(drawn.colour.data[i], 0.0f, 1.0f) - given.data[i], 2);
-      psnr -= 10 * std::log10(sum / static_cast<double>(given.data.size()));
-    }
-    EXPECT_NEAR(psnr / static_cast<double>(result.judged.size()), result.result.psnr, 0.01);
-  }
-}
-
-TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
-  make(12);
-  FitRequest request;
-  request.steps = 80;
-  request.max_gaussians = 120;
-  const std::size_t all = run(request).scene.gaussians.count;
-  request.consolidate = 0.5;
-  const auto run_to = [&](long steps, const FitRequest& wanted) {
-    SceneFit fit(ctx(), photographs_, start(), wanted);
-    for (long i = 0; i < steps && fit.step(); ++i) {
-    }
-    return fit.progress();
-  };
-  const FitProgress before = run_to(80, request), after = run_to(81, request);
-  EXPECT_EQ(before.steps, 380);
-  EXPECT_EQ(before.phase, "fitting");
-  EXPECT_EQ(after.phase, "consolidating");
-  EXPECT_LE(after.gaussians, (before.gaussians + 1) / 2);
-  const FitResult want = run(request);
-  EXPECT_GT(want.steps, 80);
-  EXPECT_LE(want.scene.gaussians.count, static_cast<std::size_t>(after.gaussians));
-  EXPECT_LT(want.scene.gaussians.count, all);
-  EXPECT_GT(want.result.psnr, want.start.psnr);
-  for (const long left_at : {79L, 105L, 379L}) {
-    const test::TemporaryFolder folder;
-    FitRequest kept = request;
-    kept.checkpoint = folder.path();
-    run_to(left_at, kept);
-    kept.resume = true;
-    const FitResult got = run(kept);
-    EXPECT_EQ(got.scene.gaussians.means, want.scene.gaussians.means) << left_at;
-    EXPECT_EQ(got.scene.gaussians.sh, want.scene.gaussians.sh) << left_at;
-    EXPECT_EQ(got.result.psnr, want.result.psnr);
-  }
-  request.names = {"picture 0", "picture 1", "picture 2"};
-  test::expect_error(Status::usage, {"12 views", "3 are used"}, [&] { run(request); });
-}
-
 TEST_F(SceneFitTest, OneFitKeepsItsStateInAFolder) {
   make(12);
   const test::TemporaryFolder folder;
@@ -392,7 +230,7 @@ TEST_F(SceneFitTest, OneFitKeepsItsStateInAFolder) {
 
 TEST_F(SceneFitTest, AWrongPoseIsNamed) {
   make(16);
-  photographs_.set.views[5].camera = test::orbit(16, kSize)[7];
+  photographs_.set.views[5].camera = test::orbit(16, test::kSceneFitSize)[7];
   FitRequest request;
   request.steps = 200;
   const FitResult result = run(request);
@@ -409,7 +247,8 @@ TEST_F(SceneFitTest, PicturesOfMoreThanTheCubeAreWarnedOf) {
     return warnings.text();
   };
   EXPECT_EQ(warned(0.3), "");
-  for (Image& picture : pictures_) picture = Image(kSize, kSize, 3);  // black, without alpha
+  for (Image& picture : pictures_)
+    picture = Image(test::kSceneFitSize, test::kSceneFitSize, 3);  // black, without alpha
   EXPECT_NE(warned(0.3).find("4 of the 4 pictures have neither mask nor alpha"), std::string::npos) << warned(0.3);
   for (Image& picture : pictures_) std::fill(picture.data.begin(), picture.data.end(), 1.0f);
   EXPECT_EQ(warned(0.3), "");

@@ -1,0 +1,96 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "model/fit/scene_fit.h"
+#include "tests/support/refusal.h"
+#include "tests/support/scene_fit_pictures.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+using test::SceneFitTest;
+
+// Gaussians that no camera sees are not in the result, whose figures are those of what is returned.
+TEST_F(SceneFitTest, WhatNoPictureMissesGoes) {
+  make(13);
+  Gaussians& g = start_.gaussians;
+  const std::size_t hidden = 20;  // behind the cameras
+  for (std::size_t k = 0; k < hidden; ++k) {
+    for (std::size_t i = 0; i < 3; ++i) g.means.push_back(k % 2 == 0 ? 40.0f : -40.0f), g.scales.push_back(0.01f);
+    for (const float q : {1.0f, 0.0f, 0.0f, 0.0f}) g.quats.push_back(q);
+    g.opacities.push_back(0.9f);
+    for (std::size_t i = 0; i < 3; ++i) g.sh.push_back(0.0f);
+    ++g.count;
+  }
+  for (const auto kind : {FitHoldout::Kind::automatic, FitHoldout::Kind::none}) {
+    FitRequest request;
+    request.holdout.kind = kind;
+    request.steps = 40;
+    request.max_gaussians = 80;
+    SceneFit fit(ctx(), photographs_, start(), request);
+    while (fit.step()) {
+    }
+    const FitResult result = fit.result();
+    EXPECT_EQ(result.steps, 40);
+    EXPECT_EQ(fit.progress().gaussians, static_cast<long>(result.scene.gaussians.count));
+    EXPECT_LE(result.scene.gaussians.count, 60U);
+    EXPECT_GT(result.scene.gaussians.count, 20U);
+    for (const float v : result.scene.gaussians.means) EXPECT_LT(std::abs(v), 5);
+    if (kind == FitHoldout::Kind::none) continue;
+    double psnr = 0;
+    for (const int view : result.judged) {
+      RenderOptions how;
+      how.near = result.scene.near;
+      const Picture drawn = render_picture(ctx(), upload(ctx(), result.scene.gaussians), fit.camera(view), how);
+      const Image given = fit.picture(view);
+      double sum = 0;
+      for (std::size_t i = 0; i < given.data.size(); ++i)
+        sum += std::pow(std::clamp(drawn.colour.data[i], 0.0f, 1.0f) - given.data[i], 2);
+      psnr -= 10 * std::log10(sum / static_cast<double>(given.data.size()));
+    }
+    EXPECT_NEAR(psnr / static_cast<double>(result.judged.size()), result.result.psnr, 0.01);
+  }
+}
+
+TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
+  make(12);
+  FitRequest request;
+  request.steps = 80;
+  request.max_gaussians = 120;
+  const std::size_t all = run(request).scene.gaussians.count;
+  request.consolidate = 0.5;
+  const auto run_to = [&](long steps, const FitRequest& wanted) {
+    SceneFit fit(ctx(), photographs_, start(), wanted);
+    for (long i = 0; i < steps && fit.step(); ++i) {
+    }
+    return fit.progress();
+  };
+  const FitProgress before = run_to(80, request), after = run_to(81, request);
+  EXPECT_EQ(before.steps, 380);
+  EXPECT_EQ(before.phase, "fitting");
+  EXPECT_EQ(after.phase, "consolidating");
+  EXPECT_LE(after.gaussians, (before.gaussians + 1) / 2);
+  const FitResult want = run(request);
+  EXPECT_GT(want.steps, 80);
+  EXPECT_LE(want.scene.gaussians.count, static_cast<std::size_t>(after.gaussians));
+  EXPECT_LT(want.scene.gaussians.count, all);
+  EXPECT_GT(want.result.psnr, want.start.psnr);
+  for (const long left_at : {79L, 105L, 379L}) {
+    const test::TemporaryFolder folder;
+    FitRequest kept = request;
+    kept.checkpoint = folder.path();
+    run_to(left_at, kept);
+    kept.resume = true;
+    const FitResult got = run(kept);
+    EXPECT_EQ(got.scene.gaussians.means, want.scene.gaussians.means) << left_at;
+    EXPECT_EQ(got.scene.gaussians.sh, want.scene.gaussians.sh) << left_at;
+    EXPECT_EQ(got.result.psnr, want.result.psnr);
+  }
+  request.names = {"picture 0", "picture 1", "picture 2"};
+  test::expect_error(Status::usage, {"12 views", "3 are used"}, [&] { run(request); });
+}
+
+}  // namespace
+}  // namespace vsplat
