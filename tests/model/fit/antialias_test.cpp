@@ -14,8 +14,8 @@
 namespace vsplat {
 namespace {
 
-constexpr int kSize = 64, kFiner = 4;
-constexpr float kNear = 0.05f;
+constexpr int kFineSize = 64, kFiner = 4;
+constexpr float kFineNear = 0.05f;
 
 // A ball of small Gaussians in random colours: finer than a pixel of the pictures.
 Gaussians fine_scene(std::size_t count, std::uint32_t seed) {
@@ -51,16 +51,16 @@ class Antialias : public ::testing::Test {
 
   static std::vector<float> drawn(const Gaussians& g, const Camera& camera, bool antialias) {
     RenderOptions how;
-    how.near = kNear;
+    how.near = kFineNear;
     how.antialias = antialias;
     return render_picture(ctx(), upload(ctx(), g), camera, how).colour.data;
   }
 
   void SetUp() override {
     const Gaussians truth = fine_scene(1500, 1);
-    cameras_ = test::orbit(8, kSize);
+    cameras_ = test::orbit(8, kFineSize);
     for (const Camera& camera : cameras_) {
-      const auto mean = smaller(drawn(truth, times_as_large(camera, kFiner), false), kSize * kFiner, kFiner);
+      const auto mean = smaller(drawn(truth, times_as_large(camera, kFiner), false), kFineSize * kFiner, kFiner);
       photographs_.emplace_back(mean.begin(), mean.end());
       FitPicture picture{"", camera, {}, {}, false};
       for (std::size_t i = 0; i < mean.size(); ++i) {
@@ -75,7 +75,7 @@ class Antialias : public ::testing::Test {
     FitOptions options;
     options.steps = 300;
     options.antialias = antialias;
-    Fitter fitter(ctx(), fine_scene(1500, 2), kNear, {}, options);
+    Fitter fitter(ctx(), fine_scene(1500, 2), kFineNear, {}, options);
     if (antialias) fitter.set_cameras(cameras_);
     for (std::size_t i = 0; i < 300; ++i) fitter.step(pictures_[i % pictures_.size()]);
     return fitter.gaussians();
@@ -90,7 +90,7 @@ class Antialias : public ::testing::Test {
       camera.width /= n, camera.height /= n;
       camera.fx /= n, camera.fy /= n, camera.cx /= n, camera.cy /= n;
       const auto got = drawn(g, camera, antialias);
-      const auto want = smaller(photographs_[v], kSize, n);
+      const auto want = smaller(photographs_[v], kFineSize, n);
       for (std::size_t i = 0; i < want.size(); ++i) sum += (got[i] - want[i]) * (got[i] - want[i]);
       values += want.size();
     }

@@ -11,7 +11,7 @@
 namespace vsplat {
 namespace {
 
-constexpr float kNear = 0.05f;
+constexpr float kSkyNear = 0.05f;
 
 class Background : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Background);
@@ -40,7 +40,7 @@ TEST_P(Background, IsMeasuredOverItsBackground) {
   const auto over = [&](const FitBackground& background) {
     FitOptions options;
     options.background = background;
-    return Fitter(ctx(), Gaussians{}, kNear, {}, options).judge(blue).psnr;
+    return Fitter(ctx(), Gaussians{}, kSkyNear, {}, options).judge(blue).psnr;
   };
   const auto off = [](double r, double g, double b) { return -10 * std::log10((r * r + g * g + b * b) / 3); };
   EXPECT_GT(over({Kind::colour, {0, 0.4f, 1}}), 100);
@@ -54,7 +54,7 @@ TEST_P(Background, OnlyKnownPixelsAreMeasured) {
   FitPicture picture = plain_picture({128, 128, 128}, 40);
   FitOptions options;
   options.background = {FitBackground::Kind::colour, {0, 0, 0}};
-  Fitter fitter(ctx(), Gaussians{}, kNear, {}, options);
+  Fitter fitter(ctx(), Gaussians{}, kSkyNear, {}, options);
   const FitScore whole = fitter.judge(upload(ctx(), picture));
   for (std::size_t i = 0; i < 1600; ++i) picture.known.push_back(i % 40 < 30 ? 1 : 0);
   const FitScore part = fitter.judge(upload(ctx(), picture));
@@ -69,10 +69,10 @@ TEST_P(Background, RandomBackgroundsLeaveNoHoles) {
   const auto seen = [&](FitBackground::Kind kind) {
     FitOptions options;
     options.background.kind = kind;
-    Fitter fitter(ctx(), start, kNear, {}, options);
+    Fitter fitter(ctx(), start, kSkyNear, {}, options);
     for (int i = 0; i < 60; ++i) fitter.step(pictures[0]);
     options.background = {FitBackground::Kind::colour, {0, 0, 0}};
-    return Fitter(ctx(), fitter.gaussians(), kNear, {}, options).judge(pictures[0]).psnr;
+    return Fitter(ctx(), fitter.gaussians(), kSkyNear, {}, options).judge(pictures[0]).psnr;
   };
   EXPECT_GT(seen(FitBackground::Kind::random), seen(FitBackground::Kind::automatic) + 3);
 }
@@ -95,7 +95,7 @@ TEST_P(Background, LearnsASkyAndWritesIt) {
   for (const FitPicture& picture : given) pictures.push_back(upload(ctx(), picture));
   FitOptions options;
   options.background.kind = FitBackground::Kind::sky;
-  Fitter fitter(ctx(), round_one(0.02f, 0.1f, 0), kNear, {}, options);
+  Fitter fitter(ctx(), round_one(0.02f, 0.1f, 0), kSkyNear, {}, options);
   const double before = fitter.judge(pictures[0]).psnr;
   for (std::size_t i = 0; i < 400; ++i) fitter.step(pictures[i % 6]);
   const Gaussians written = fitter.gaussians();
@@ -111,7 +111,7 @@ TEST_P(Background, LearnsASkyAndWritesIt) {
 TEST_P(Background, TheSkysGaussiansLeaveNoGaps) {
   const Gaussians sky = Sky(ctx()).gaussians(ctx(), {{0.3, 0, -0.2}, 100}, 1);
   RenderOptions how;
-  how.near = kNear;
+  how.near = kSkyNear;
   how.background = {0, 0, 0};
   for (const Camera& camera : test::orbit(5, 48)) {
     const Picture drawn = render_picture(ctx(), vsplat::upload(ctx(), sky), camera, how);

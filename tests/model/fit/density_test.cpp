@@ -14,8 +14,8 @@
 namespace vsplat {
 namespace {
 
-constexpr float kNear = 0.05f;
-constexpr int kSize = 40;
+constexpr float kDensityNear = 0.05f;
+constexpr int kDensitySize = 40;
 
 class DensityTest : public test::FlavourTest {
  protected:
@@ -28,14 +28,14 @@ class DensityTest : public test::FlavourTest {
 
   Picture drawn(const Gaussians& g, const Camera& camera) {
     RenderOptions how;
-    how.near = kNear;
+    how.near = kDensityNear;
     return render_picture(ctx(), vsplat::upload(ctx(), g), camera, how);
   }
 
   // What is drawn of `g`, over white and without alpha.
   std::vector<FitPicture> pictures_of(const Gaussians& g, int count) {
     std::vector<FitPicture> out;
-    for (const Camera& camera : test::orbit(count, kSize)) {
+    for (const Camera& camera : test::orbit(count, kDensitySize)) {
       FitPicture picture{"", camera, {}, {}, false};
       const Picture p = drawn(g, camera);
       for (std::size_t i = 0; i < p.colour.data.size(); ++i) {
@@ -77,8 +77,8 @@ FitOptions growing(DensityStrategy density) {
 // Scores take nothing from the gradient, nor do they add to it.
 TEST_P(DensityTest, ScoresLeaveTheGradientsBits) {
   const auto pictures = uploaded(pictures_of(scene(12, 1), 2));
-  Fitter plain(ctx(), scene(40, 2), kNear, {}, growing(DensityStrategy::mcmc));
-  Fitter scored(ctx(), scene(40, 2), kNear, {}, growing(DensityStrategy::error));
+  Fitter plain(ctx(), scene(40, 2), kDensityNear, {}, growing(DensityStrategy::mcmc));
+  Fitter scored(ctx(), scene(40, 2), kDensityNear, {}, growing(DensityStrategy::error));
   for (const DeviceFitPicture& picture : pictures) {
     plain.differentiate(picture), scored.differentiate(picture);
     EXPECT_EQ(gradient(plain), gradient(scored));
@@ -92,7 +92,7 @@ TEST_P(DensityTest, WeightsAndScoresAddUpToThePictures) {
   const Gaussians g = scene(40, 2);
   const auto given = pictures_of(scene(12, 1), 2);
   const auto pictures = uploaded(given);
-  Fitter fitter(ctx(), g, kNear, {}, growing(DensityStrategy::error));
+  Fitter fitter(ctx(), g, kDensityNear, {}, growing(DensityStrategy::error));
   const Tensor sums = ctx().tensor({40}, Type::f32, "sums");
   ctx().fill_zero(sums);
   double alpha = 0, error = 0;
@@ -130,7 +130,7 @@ TEST_P(DensityTest, WhatCoversTheErrorIsSplit) {
   FitOptions options = growing(DensityStrategy::error);
   options.rates = {0, 0, 0, 0, 0, 0};
   options.grow_every = 3, options.max_gaussians = 3, options.growth = 1.5;
-  Fitter fitter(ctx(), two, kNear, {}, options);
+  Fitter fitter(ctx(), two, kDensityNear, {}, options);
   for (const DeviceFitPicture& picture : pictures) fitter.step(picture);
   ASSERT_EQ(fitter.count(), 3);
   const Gaussians after = fitter.gaussians();
@@ -146,7 +146,7 @@ TEST_P(DensityTest, WhatCoversMoreThanHalfOfAPictureIsSplitFirst) {
   for (std::size_t i = 0; i < 3; ++i) g.means[i] = 0, g.scales[i] = 0.45f;
   g.opacities[0] = 0.5f;
   const auto pictures = uploaded(pictures_of(scene(12, 1), 1));
-  Fitter fitter(ctx(), g, kNear, {}, growing(DensityStrategy::error));
+  Fitter fitter(ctx(), g, kDensityNear, {}, growing(DensityStrategy::error));
   fitter.step(pictures[0]);
   const auto scores = fitter.state().at("scores").data;
   EXPECT_EQ(std::max_element(scores.begin(), scores.end()), scores.begin());
@@ -161,8 +161,8 @@ TEST_P(DensityTest, RestoredBetweenRoundsItGoesOnWithTheSameBits) {
   const auto steps = [&](Fitter& fitter, long until) {
     while (fitter.steps_done() < until) fitter.step(pictures[static_cast<std::size_t>(fitter.steps_done() % 4)]);
   };
-  Fitter whole(ctx(), scene(40, 2), kNear, {}, options), first(ctx(), scene(40, 2), kNear, {}, options),
-      second(ctx(), scene(40, 2), kNear, {}, options);
+  Fitter whole(ctx(), scene(40, 2), kDensityNear, {}, options), first(ctx(), scene(40, 2), kDensityNear, {}, options),
+      second(ctx(), scene(40, 2), kDensityNear, {}, options);
   steps(whole, 24);
   steps(first, 12);
   second.restore(first.state(), 12);
@@ -177,7 +177,7 @@ TEST_P(DensityTest, RestoredBetweenRoundsItGoesOnWithTheSameBits) {
 
 TEST_P(DensityTest, ReplacedGaussiansNoLongerGrow) {
   const auto pictures = uploaded(pictures_of(scene(12, 1), 1));
-  Fitter fitter(ctx(), scene(40, 2), kNear, {}, growing(DensityStrategy::error));
+  Fitter fitter(ctx(), scene(40, 2), kDensityNear, {}, growing(DensityStrategy::error));
   for (int i = 0; i < 8; ++i) fitter.step(pictures[0]);
   EXPECT_EQ(fitter.count(), 44);
   const Gaussians fewer = scene(10, 3);

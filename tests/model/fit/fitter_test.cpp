@@ -18,7 +18,6 @@ namespace vsplat {
 namespace {
 
 using test::byte_of;
-using test::kNear;
 using test::Objective;
 using test::Parameters;
 
@@ -87,7 +86,7 @@ class FitterTest : public test::FlavourTest {
     const Camera camera = test::make_camera({"", 0, 0, 13, 11, ""}, 45);
     const Gaussians start = wide_ones();
     ref::Options drawing;
-    drawing.near = kNear;
+    drawing.near = test::kNear;
     drawing.antialias = options.antialias;
     drawing.mirror = Eigen::Vector3f(0.1f, -0.2f, 0.3f).cast<double>();
     const auto random =
@@ -109,7 +108,7 @@ class FitterTest : public test::FlavourTest {
     if (with_unknown)
       for (std::size_t i = 0; i < picture.rgba.size() / 4; ++i) picture.known.push_back(i % 5 == 0 ? 0 : 255);
     const DeviceFitPicture given = upload(ctx(), picture);
-    Fitter fitter(ctx(), start, kNear, mirror, options);
+    Fitter fitter(ctx(), start, test::kNear, mirror, options);
     Camera nearer = camera;
     nearer.fx *= 0.05, nearer.fy *= 0.05;  // pixels that are as large as the Gaussians
     if (options.antialias) fitter.set_cameras({nearer});
@@ -176,7 +175,7 @@ class FitterTest : public test::FlavourTest {
     std::vector<FitPicture> out;
     for (const Camera& camera : test::orbit(count, size)) {
       RenderOptions how;
-      how.near = kNear;
+      how.near = test::kNear;
       how.background = {0, 0, 0};
       const Picture drawn = render_picture(ctx(), vsplat::upload(ctx(), g), camera, how);
       FitPicture picture{"", camera, {}, {}, true};
@@ -261,7 +260,7 @@ TEST_P(FitterTest, TheFilterLetsNoGaussianBeFinerThanThePictures) {
     for (std::size_t i = 0; i < 3; ++i) g.means[3 * k + i] *= 0.1f, g.scales[3 * k + i] = k < 3 ? 0.1f : 0.004f;
   FitOptions options;
   options.antialias = true;
-  Fitter fitter(ctx(), g, kNear, {}, options);
+  Fitter fitter(ctx(), g, test::kNear, {}, options);
   fitter.set_cameras({camera});
   const Gaussians seen = fitter.gaussians();
   ASSERT_EQ(seen.count, 6u);
@@ -286,7 +285,7 @@ TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {
   const auto pictures = uploaded(pictures_of(scene(12, 1), 6, 48));
   FitOptions options;
   options.steps = 300;
-  Fitter fitter(ctx(), scene(30, 2), kNear, {}, options);
+  Fitter fitter(ctx(), scene(30, 2), test::kNear, {}, options);
   const double before = error(fitter, pictures);
   for (std::size_t i = 0; i < 300; ++i) fitter.step(pictures[i % 6]);
   const double after = error(fitter, pictures);
@@ -298,7 +297,7 @@ TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {
 TEST_P(FitterTest, JudgesAScenesOwnPicturesAsThemselves) {
   const Gaussians g = scene(12, 1);
   const auto pictures = uploaded(pictures_of(g, 3, 40));
-  Fitter fitter(ctx(), g, kNear, {}, {});
+  Fitter fitter(ctx(), g, test::kNear, {}, {});
   for (const auto& p : pictures) {
     const FitScore score = fitter.judge(p);
     EXPECT_GT(score.psnr, 50);
@@ -313,7 +312,7 @@ TEST_P(FitterTest, SameBitsAgainAndOthersWithAnotherSeed) {
   options.grow_every = 7, options.grow_until = 100, options.max_gaussians = 60;
   const auto fitted = [&](std::uint64_t seed) {
     options.seed = seed;
-    Fitter fitter(ctx(), scene(40, 2), kNear, {}, options);
+    Fitter fitter(ctx(), scene(40, 2), test::kNear, {}, options);
     for (std::size_t i = 0; i < 25; ++i) fitter.step(pictures[i % 4]);
     EXPECT_EQ(fitter.count(), 52);  // 40, 44, 48, 52
     expect_finite(fitter);
@@ -332,12 +331,12 @@ TEST_P(FitterTest, GrowsToItsLimitAndUntilItsEnd) {
   const auto pictures = uploaded(pictures_of(scene(12, 1), 1, 24));
   FitOptions options;
   options.grow_every = 2, options.grow_until = 7, options.growth = 1.5, options.max_gaussians = 40;
-  Fitter fitter(ctx(), scene(20, 2), kNear, {}, options);
+  Fitter fitter(ctx(), scene(20, 2), test::kNear, {}, options);
   std::vector<long> counts;
   for (int i = 0; i < 9; ++i) fitter.step(pictures[0]), counts.push_back(fitter.count());
   EXPECT_EQ(counts, (std::vector<long>{20, 30, 30, 40, 40, 40, 40, 40, 40}));
   options.max_gaussians = 1000;
-  Fitter further(ctx(), scene(20, 2), kNear, {}, options);
+  Fitter further(ctx(), scene(20, 2), test::kNear, {}, options);
   for (int i = 0; i < 9; ++i) further.step(pictures[0]);
   EXPECT_EQ(further.count(), 67);  // after 2, 4 and 6 steps
   expect_finite(further);
@@ -347,7 +346,7 @@ TEST_P(FitterTest, ColoursComeFirstWhereThatIsAskedFor) {
   const auto pictures = uploaded(pictures_of(scene(12, 1), 1, 24));
   FitOptions options;
   options.colours_first = 3;
-  Fitter fitter(ctx(), scene(20, 2), kNear, {}, options);
+  Fitter fitter(ctx(), scene(20, 2), test::kNear, {}, options);
   const Parameters start = read(fitter.parameters());
   for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
   const Parameters third = read(fitter.parameters());
@@ -371,7 +370,7 @@ TEST_P(FitterTest, OnePictureIsFittedAsItIs) {
         given[0].rgba[i + 3] = 255;
       }
     const auto pictures = uploaded(given);
-    Fitter fitter(ctx(), scene(30, 2), kNear, {}, {});
+    Fitter fitter(ctx(), scene(30, 2), test::kNear, {}, {});
     const double before = error(fitter, pictures);
     for (int i = 0; i < 100; ++i) fitter.step(pictures[0]);
     EXPECT_LT(error(fitter, pictures), before / 20) << masked;
@@ -386,7 +385,7 @@ TEST_P(FitterTest, EmptyMasksLeaveNothingToSee) {
   FitOptions options;
   options.rates.logits = 0.2;
   options.grow_every = 10, options.grow_until = 1000, options.noise = 100;
-  Fitter fitter(ctx(), scene(12, 1), kNear, {}, options);
+  Fitter fitter(ctx(), scene(12, 1), test::kNear, {}, options);
   const double before = error(fitter, pictures);
   for (std::size_t i = 0; i < 120; ++i) fitter.step(pictures[i % 2]);
   EXPECT_LT(error(fitter, pictures), before / 100);
@@ -398,7 +397,7 @@ TEST_P(FitterTest, UnknownPixelsMoveNothing) {
   auto given = pictures_of(scene(12, 1), 1, 24);
   given[0].known.assign(24 * 24, 0);
   const auto pictures = uploaded(given);
-  Fitter fitter(ctx(), scene(20, 2), kNear, {}, {});
+  Fitter fitter(ctx(), scene(20, 2), test::kNear, {}, {});
   const Parameters start = read(fitter.parameters());
   for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
   const Parameters x = read(fitter.parameters());
@@ -412,7 +411,7 @@ TEST_P(FitterTest, AStartWithNoGaussianStaysOne) {
   for (const long room : {0L, 50L}) {
     FitOptions options = all_terms();
     options.grow_every = 1, options.grow_until = 10, options.max_gaussians = room, options.noise = 1;
-    Fitter fitter(ctx(), Gaussians{}, kNear, {}, options);
+    Fitter fitter(ctx(), Gaussians{}, test::kNear, {}, options);
     for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
     EXPECT_EQ(fitter.count(), 0);
     EXPECT_EQ(fitter.gaussians().count, 0U);
@@ -433,7 +432,7 @@ TEST_P(FitterTest, IsNeverNan) {
   options.rates = {1e-2, 0.1, 2e-2, 0.3, 5e-2, 5e-3};
   options.grow_every = 10, options.grow_until = 1000, options.max_gaussians = 100, options.noise = 1e4f;
   options.drop = 0.5f, options.steps = 60;
-  Fitter fitter(ctx(), start, kNear, {}, options);
+  Fitter fitter(ctx(), start, test::kNear, {}, options);
   for (std::size_t i = 0; i < 57; ++i) fitter.step(pictures[i % 4]);  // the last relocation was some steps ago
   expect_finite(fitter);
   const Gaussians out = fitter.gaussians();

@@ -69,6 +69,22 @@ TEST_F(SceneFitTest, OfManyViewsEveryEighthIsHeldOut) {
 }
 
 // A start that cannot be improved is returned bit for bit.
+TEST_F(SceneFitTest, AWholeSceneIsTheLastStepsAndHoldsOneOfFiveOut) {
+  make(6);
+  FitRequest request;
+  request.whole = true;
+  request.steps = 150;
+  const FitResult result = run(request);
+  EXPECT_EQ(result.judged, std::vector<int>{0});
+  EXPECT_EQ(result.steps, 150);
+  EXPECT_FALSE(result.start_returned);
+  EXPECT_GT(result.result.psnr, result.start.psnr + 1);
+  EXPECT_EQ(result.scene.gaussians.sh_degree, 3);
+  expect_finite(result.scene);
+  request.names = {"@0", "@1", "@2", "@3"};
+  EXPECT_TRUE(run(request).judged.empty());
+}
+
 TEST_F(SceneFitTest, TheStartIsReturnedWhereItIsBest) {
   make(3);
   start_ = truth_;

@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kSide = 48;
+constexpr int kWholeSide = 48;
 
 // Four cameras in a row that look along z at coloured pictures: blue above, green below.
 class WholeStartTest : public ::testing::Test {
@@ -17,9 +17,9 @@ class WholeStartTest : public ::testing::Test {
   WholeStartTest() {
     for (int i = 0; i < 4; ++i) {
       ListedView view;
-      view.camera.width = view.camera.height = kSide;
-      view.camera.fx = view.camera.fy = kSide;
-      view.camera.cx = view.camera.cy = kSide / 2;
+      view.camera.width = view.camera.height = kWholeSide;
+      view.camera.fx = view.camera.fy = kWholeSide;
+      view.camera.cx = view.camera.cy = kWholeSide / 2;
       view.camera.w2c(0, 3) = 1 - 0.5 * i;
       view.name = view.picture = std::to_string(i);
       photographs_.set.views.push_back(view);
@@ -27,8 +27,9 @@ class WholeStartTest : public ::testing::Test {
       views_.push_back(i);
     }
     photographs_.picture = [](int) {
-      Image out(kSide, kSide, 3);
-      for (std::size_t i = 0; i < kSide * kSide; ++i) out.data[3 * i + (i < kSide * kSide / 2 ? 2 : 1)] = 1;
+      Image out(kWholeSide, kWholeSide, 3);
+      for (std::size_t i = 0; i < kWholeSide * kWholeSide; ++i)
+        out.data[3 * i + (i < kWholeSide * kWholeSide / 2 ? 2 : 1)] = 1;
       return out;
     };
   }
@@ -74,8 +75,9 @@ TEST_F(WholeStartTest, PointsComeFirstAndFarOnesWhereThereAreNone) {
     for (const Camera& camera : cameras_)
       if (const auto at = seen_at(camera, mean_of(scene, k))) {
         seen = true;
-        beside_points = beside_points || at->x() < 0.75 * kSide;
-        EXPECT_NEAR(0.5 + kShC0 * g.sh[3 * k + 2], at->y() < kSide / 2 - 1, at->y() > kSide / 2 + 1 ? 0.01 : 1.01);
+        beside_points = beside_points || at->x() < 0.75 * kWholeSide;
+        EXPECT_NEAR(0.5 + kShC0 * g.sh[3 * k + 2], at->y() < kWholeSide / 2 - 1,
+                    at->y() > kWholeSide / 2 + 1 ? 0.01 : 1.01);
       }
     EXPECT_TRUE(seen);
     EXPECT_TRUE(beside_points);

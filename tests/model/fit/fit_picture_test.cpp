@@ -1,0 +1,44 @@
+#include "model/fit/fit_picture.h"
+
+#include <gtest/gtest.h>
+
+namespace vsplat {
+namespace {
+
+FitPicture picture(int width, int height) {
+  FitPicture out;
+  out.name = "a";
+  out.camera.width = width, out.camera.height = height;
+  out.camera.fx = 10, out.camera.fy = 12, out.camera.cx = 3, out.camera.cy = 4;
+  for (int i = 0; i < width * height; ++i) {
+    for (int c = 0; c < 4; ++c) out.rgba.push_back(static_cast<std::uint8_t>(i + c));
+    out.known.push_back(i == 2 ? 0 : 1);
+  }
+  out.masked = true;
+  return out;
+}
+
+TEST(FitPicture, ReducedPixelsAreMeansOverBlocks) {
+  const FitPicture small = reduced(picture(4, 2), 2);
+  EXPECT_EQ(small.camera.width, 2);
+  EXPECT_EQ(small.camera.height, 1);
+  EXPECT_EQ(small.camera.fx, 5);
+  EXPECT_EQ(small.camera.cy, 2);
+  EXPECT_TRUE(small.masked);
+  // Pixels 0 1 4 5, then 2 3 6 7.
+  EXPECT_EQ(small.rgba, (std::vector<std::uint8_t>{3, 4, 5, 6, 5, 6, 7, 8}));
+  EXPECT_EQ(small.known, (std::vector<std::uint8_t>{1, 0}));
+}
+
+TEST(FitPicture, WhatIsLeftOverIsDropped) {
+  for (const auto& [w, h] : {std::pair(7, 5), std::pair(4, 4), std::pair(3, 9)}) {
+    const FitPicture small = reduced(picture(w, h), 4);
+    EXPECT_EQ(small.camera.width, w / 4);
+    EXPECT_EQ(small.camera.height, h / 4);
+    EXPECT_EQ(small.rgba.size(), static_cast<std::size_t>(4 * (w / 4) * (h / 4)));
+    EXPECT_EQ(small.known.size(), static_cast<std::size_t>((w / 4) * (h / 4)));
+  }
+}
+
+}  // namespace
+}  // namespace vsplat
