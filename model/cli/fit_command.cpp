@@ -187,10 +187,10 @@ void add_fit_options(CLI::App& sub, FitOptions& o) {
       ->group(what);
   sub.add_option(
          "--strategy", o.strategy,
-         "Where it grows: error splits what covers the pictures' errors, mcmc adds Gaussians where opaque ones are "
-         "(default: error)")
-      ->check(one_of({"error", "mcmc"}))
-      ->type_name("error|mcmc")
+         "Where it grows: mcmc adds Gaussians where opaque ones are, error splits what covers the pictures' errors "
+         "(default: mcmc)")
+      ->check(one_of({"mcmc", "error"}))
+      ->type_name("mcmc|error")
       ->group(what);
   sub.add_option("--consolidate", o.consolidate,
                  "Share of its Gaussians that stays after the steps, the most visible ones; 300 more steps follow")

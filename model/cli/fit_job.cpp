@@ -145,7 +145,7 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_
   if (!o.seconds.empty()) options.seconds = positive_number(names.time, o.seconds, "number of seconds");
   if (!o.max_gaussians.empty())
     options.max_gaussians = static_cast<std::uint64_t>(count_of("--max-gaussians", o.max_gaussians, ""));
-  if (o.strategy == "mcmc") options.density = VSPLAT_DENSITY_MCMC;  // already checked by CLI11
+  if (o.strategy == "error") options.density = VSPLAT_DENSITY_ERROR;  // already checked by CLI11
   if (!o.consolidate.empty()) {
     options.consolidate = positive_number("--consolidate", o.consolidate, "share of the Gaussians, below 1");
     if (options.consolidate >= 1)

@@ -45,7 +45,7 @@ struct FitRequest {
   FitFreeze freeze;
   bool poses = false, exposure = false;
   bool antialias = false;  // also on where Scene::antialias of the start is
-  DensityStrategy density = DensityStrategy::error;
+  DensityStrategy density = DensityStrategy::mcmc;
   double consolidate = 0;  // share of the Gaussians that stays at the end, below 1; 0: no consolidation
   FitBackground background;
   std::uint64_t seed = 0;

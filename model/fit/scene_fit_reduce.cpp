@@ -9,7 +9,8 @@
 namespace vsplat {
 namespace {
 
-// A Gaussian's blending weights over all pixels of all fitted pictures, below which no picture misses it.
+// Blending weights of a Gaussian, summed over the pixels of all fitted pictures, below which it is pruned: at 0.2 a
+// held-out picture lost at most 0.006 dB, at 0.5 up to 0.04 dB.
 constexpr float kLeastWeight = 0.2f;
 constexpr long kConsolidationSteps = 300;
 
@@ -43,13 +44,15 @@ bool SceneFit::Impl::is_consolidated() const { return consolidated_after > 0; }
 long SceneFit::Impl::consolidation_steps() const { return request.consolidate > 0 ? kConsolidationSteps : 0; }
 
 // Continues with the Gaussians of `unreduced` whose blending weights `keep` accepts, and measures them as the scene
-// after `at` steps.
+// after `at` steps. The best scene stays as it is if `keep` accepts none.
 void SceneFit::Impl::reduce(const std::function<std::vector<std::size_t>(const std::vector<float>&)>& keep, long at) {
+  if (unreduced->count == 0) return unreduced.reset();
   fitter->replace(*unreduced);
   const Tensor sums = ctx.tensor({fitter->count()}, Type::f32, "blending weights");
   ctx.fill_zero(sums);
   for (const int view : legs[leg].views) fitter->add_weights(corrected(view), sums);
   const std::vector<std::size_t> kept = keep(ctx.read<float>(sums));
+  if (kept.empty()) return unreduced.reset();
   fitter->replace(rows_of(*unreduced, kept));
   const Judged here = measure_held_out();
   const Uncancelled whole(ctx);

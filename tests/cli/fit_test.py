@@ -154,6 +154,27 @@ class Fit(support.Case):
         self.assertEqual(process.wait(60), 130, process.stderr.read())
         self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
 
+    def test_strategies_and_consolidation(self):
+        """Growth needs 12 views: the two strategies give different scenes of the same size, and a consolidation a smaller one."""
+        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("many"), "--views", 12, "--size", self.SIDE, "--seed", 4)
+        self.photos = self.path("many", "solid_0000")
+        more = ("--steps", 60, "--max-gaussians", 90, "--holdout", "none")
+        mcmc = self.told(*self.fit(*more, output="mcmc.ply"))
+        error = self.told(*self.fit(*more, "--strategy", "error", output="error.ply"))
+        for told in (mcmc, error):
+            self.assertGreater(told["gaussians"], 60)
+            self.assertLessEqual(told["gaussians"], 90)
+        self.succeeds(*self.fit(*more, "--strategy", "mcmc", output="same.ply"))
+        read = {name: pathlib.Path(self.path(name + ".ply")).read_bytes() for name in ("mcmc", "error", "same")}
+        self.assertEqual(read["mcmc"], read["same"])
+        self.assertNotEqual(read["mcmc"], read["error"])
+        half = self.told(*self.fit(*more, "--consolidate", 0.5, "--log", self.path("log.csv"), output="half.ply"))
+        self.assertEqual(half["steps"], 360)
+        self.assertLessEqual(half["gaussians"], 45)
+        self.assertGreater(half["gaussians"], 20)
+        rows = list(csv.DictReader(open(self.path("log.csv"))))
+        self.assertEqual([row["phase"] for row in rows], 60 * ["fitting"] + 300 * ["consolidating"])
+
     def test_poses_are_written_and_read_again(self):
         told = self.told(*self.fit("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
         self.assertEqual(told["poses"], self.path("out.poses.json"))
@@ -334,6 +355,10 @@ class Fit(support.Case):
         self.refuses(2, ["--steps", "soon"], *self.fit("--steps", "soon"))
         self.refuses(2, ["--size", "big"], *self.fit("--size", "big"))
         self.refuses(2, ["--freeze", "feet"], *self.fit("--freeze", "feet"))
+        self.refuses(2, ["--strategy", "mcmc"], *self.fit("--strategy", "luck"))
+        for share in ("0", "1", "-0.5", "nan", "half"):
+            self.refuses(2, ["--consolidate", share], *self.fit("--consolidate=" + share))
+        self.refuses(2, ["12 views", "5 are used"], *self.fit("--consolidate", 0.5))
         self.refuses(2, "--sh", *self.fit("--sh", 4))
         self.refuses(2, "--model is for --start network", *self.fit("--model", self.model))
         self.refuses(2, ["--sheet", ".png"], *self.fit("--sheet", self.path("s.jpg")))

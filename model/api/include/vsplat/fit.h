@@ -67,8 +67,8 @@ typedef enum vsplat_freeze {
 
 /* Where a fit with many views takes Gaussians away and adds others; what is nearly transparent is always replaced. */
 typedef enum vsplat_density {
-  VSPLAT_DENSITY_ERROR = 0, /* those that cover the pictures' errors are split along their longest axis */
-  VSPLAT_DENSITY_MCMC = 1   /* others are added where opaque ones are, which share their opacity (3DGS-MCMC) */
+  VSPLAT_DENSITY_MCMC = 0, /* others are added where opaque ones are, which share their opacity (3DGS-MCMC) */
+  VSPLAT_DENSITY_ERROR = 1 /* those that cover the pictures' errors are split along their longest axis */
 } vsplat_density;
 
 /* What is behind the Gaussians where transmittance is left, while fitting and where pictures are measured. */
@@ -154,7 +154,7 @@ typedef struct vsplat_fit_options {
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_ERROR,   \
+        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_MCMC,    \
         0.0, VSPLAT_BACKGROUND_AUTO, {1.0f, 1.0f, 1.0f}, VSPLAT_MASKS_OBJECT, 0                                        \
   }
 
