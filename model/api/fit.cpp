@@ -215,7 +215,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
-    FitSource from = fit_source(device, made->photographs, o, made->used);
+    FitSource from = fit_source(device, made->photographs, o, made->used, request.longest);
     made->independent = from.start.independent;
     made->selected = from.selected;
     request.spared = from.named;

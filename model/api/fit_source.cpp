@@ -84,12 +84,12 @@ PlacedObject place(const Photographs& photographs, const InputRequest& input, co
 }
 
 // Sets the frame of the fit. Rates are relative to its unit, and the near plane to the cube, so both are bounded by the
-// cameras' distances: a cube that is far too large then does not matter.
+// cameras' distances if the cube reaches beyond them: a cube that is far too large then does not matter.
 void frame_by(const PlacedObject& placed, FitSource& out) {
   const double unit = placed.usual > 0 ? std::min(placed.cube.edge, placed.usual) : placed.cube.edge;
   out.start.placement = {placed.cube.centre, unit};
   out.start.cube = placed.cube.edge / unit;
-  if (placed.nearest > 0) out.farthest_near = kNearOfDistance * placed.nearest;
+  if (unit < placed.cube.edge) out.farthest_near = kNearOfDistance * placed.nearest;
 }
 
 ReconstructOptions reconstruct_options_of(const vsplat_fit_options& o, const Config& config) {
@@ -252,10 +252,10 @@ std::vector<ColoredPoint> points_of(const Photographs& photographs) {
 }
 
 FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
-                     const std::vector<int>& used) {
+                     const std::vector<int>& used, int longest) {
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
-  FitSource out = is_whole(photographs, o, input, used) ? whole_source(photographs, o, used)
+  FitSource out = is_whole(photographs, o, input, used) ? whole_source(photographs, o, used, longest)
                                                         : object_source(device, photographs, o, input, used);
   // A scene without an up direction gets the cameras' one; a distant scene gets an offset, since floats would not hold
   // its positions.

@@ -1,6 +1,7 @@
 #include "model/api/whole_source.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "model/api/scene.h"
 #include "model/fit/whole_start.h"
@@ -15,10 +16,21 @@ namespace vsplat::api {
 namespace {
 
 constexpr int kLookedAt = 8;
+constexpr double kRandomOfPixels = 0.5, kMostRandom = 100000;
 
 bool has_cube(const ViewSet& set, const InputRequest& input) {
   const PlacementRequest& p = input.placement;
   return p.centre || p.edge || p.auto_frame || set.aabb_center || set.aabb_half;
+}
+
+// The number of pixels of a picture as it is fitted, on average.
+double pixels_of(const std::vector<Camera>& cameras, int longest) {
+  double sum = 0;
+  for (const Camera& c : cameras) {
+    const double scale = longest > 0 ? std::min(1.0, static_cast<double>(longest) / std::max(c.width, c.height)) : 1;
+    sum += scale * scale * c.width * c.height;
+  }
+  return sum / static_cast<double>(cameras.size());
 }
 
 }  // namespace
@@ -47,13 +59,15 @@ bool is_whole(const Photographs& photographs, const vsplat_fit_options& o, const
                       [&](int view) { return LoadedPhotograph(photographs, view).is_masked(); });
 }
 
-FitSource whole_source(const Photographs& photographs, const vsplat_fit_options& o, const std::vector<int>& used) {
+FitSource whole_source(const Photographs& photographs, const vsplat_fit_options& o, const std::vector<int>& used,
+                       int longest) {
   std::vector<Camera> cameras;
   cameras.reserve(used.size());
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
   WholeStart start;
   start.most = static_cast<long>(o.max_gaussians);
   start.seed = o.seed;
+  start.random = static_cast<long>(std::ceil(std::min(kMostRandom, kRandomOfPixels * pixels_of(cameras, longest))));
   const auto from = static_cast<vsplat_fit_start>(value_of(o.start));
   if (from == VSPLAT_FIT_POINTS) start.points = points_of(photographs);
   if (from == VSPLAT_FIT_AUTO)

@@ -12,7 +12,9 @@ namespace vsplat::api {
 bool is_whole(const Photographs& photographs, const vsplat_fit_options& o, const InputRequest& input,
               const std::vector<int>& used);
 
-// As fit_source(). `photographs` must outlive what is returned.
-FitSource whole_source(const Photographs& photographs, const vsplat_fit_options& o, const std::vector<int>& used);
+// As fit_source(). `photographs` must outlive what is returned. Pictures are fitted with `longest` pixels along their
+// longer side, or unscaled if it is 0.
+FitSource whole_source(const Photographs& photographs, const vsplat_fit_options& o, const std::vector<int>& used,
+                       int longest);
 
 }  // namespace vsplat::api

@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr long kRandomInViews = 100000, kMostFar = 10000;
+constexpr long kMostFar = 10000;
 constexpr double kFarShare = 0.05, kFarLow = 10, kFarHigh = 100;  // distances in units
 constexpr double kDepthLow = 0.25, kDepthHigh = 4;                // of the usual depth
 constexpr double kUsualDepth = 5;                                 // in units, if the axes do not meet
@@ -149,7 +149,7 @@ Scene whole_scene(const WholeStart& start, const Photographs& photographs, const
   Seeds seeds;
   if (start.points.empty()) {
     const RandomRays rays(start, pictures, views, "fit.whole");
-    add_random(start, rays, usual_depth(start, cameras), std::min(kRandomInViews, most), seeds);
+    add_random(start, rays, usual_depth(start, cameras), std::min(start.random, most), seeds);
   } else {
     add_points(start, static_cast<std::size_t>(most), seeds);
   }

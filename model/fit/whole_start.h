@@ -12,13 +12,14 @@ namespace vsplat {
 struct WholeStart {
   SceneFrame frame;
   std::vector<ColoredPoint> points;  // in the world; may be empty
-  long most = 0;                     // limit of the number of Gaussians, above 0
+  long most = 0;                     // limit of the number of Gaussians; 0: none
+  long random = 0;                   // number of Gaussians without points
   std::uint64_t seed = 0;
 };
 
 // Gaussians of isotropic_scene(), coloured by what `views` show:
 // - one at each point, or at an even sample of the points if there are too many;
-// - without points 100,000 at random pixels of the views, at random depths about the point where the axes meet (or
+// - without points `random` at random pixels of the views, at random depths about the point where the axes meet (or
 //   about five units if they do not meet);
 // - in addition 5 %, at most 10,000, at a distance of 10 to 100 units, at random pixels where no points are.
 // Equal arguments give equal scenes.

@@ -39,8 +39,8 @@ class FitScene(support.Case):
         with open(self.path("points.ply"), "w") as f:
             f.write(head + "".join(" ".join(map(str, (*at, *(round(255 * c) for c in colour)))) + "\n" for at, colour, *_ in splats))
 
-    def fit(self, *more, views="transforms.json", output="out.ply"):
-        return ("fit", self.path(views), "--output", self.path(output), "--steps", 300, "--seed", 3, *more)
+    def fit(self, *more, views="transforms.json", output="out.ply", steps=300):
+        return ("fit", self.path(views), "--output", self.path(output), "--steps", steps, "--seed", 3, *more)
 
     def told(self, *arguments):
         out, err = self.succeeds(*arguments, "--json")
@@ -58,17 +58,17 @@ class FitScene(support.Case):
         self.assertGreater(whole["result"]["psnr"], cube["result"]["psnr"] + 1)
 
     def test_points_make_the_start_and_better_scenes(self):
-        without, _ = self.told(*self.fit("--steps", 40))
+        without, _ = self.told(*self.fit(steps=40))
         self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
-        listed, err = self.told(*self.fit("--steps", 40, views="listed.json"))
+        listed, err = self.told(*self.fit(views="listed.json", steps=40))
         self.assertIn(f"starts from {NEAR_BALL + WALL} points", err)
         self.assertGreater(listed["result"]["psnr"], without["result"]["psnr"])
 
     def test_a_near_plane_that_cuts_points_is_warned_of(self):
         self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
-        _, err = self.succeeds(*self.fit("--steps", 1, "--near", 4, views="listed.json"))
+        _, err = self.succeeds(*self.fit("--near", 4, views="listed.json", steps=1))
         self.assertRegex(err, r"cuts away \d+ of the 200 points .* --near")
-        _, err = self.succeeds(*self.fit("--steps", 1, "--near", 0.5, views="listed.json"), "--overwrite")
+        _, err = self.succeeds(*self.fit("--near", 0.5, views="listed.json", steps=1), "--overwrite")
         self.assertNotIn("cuts away", err)
         with open(self.path("out.ply"), "rb") as f:
             self.assertIn(b"comment vsplat near 0.5\n", f.read(2000))

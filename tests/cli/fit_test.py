@@ -339,7 +339,7 @@ class Fit(support.Case):
         self.assertNotEqual(left["start"], whole["start"])
 
     def test_what_is_refused(self):
-        self.refuses(2, ["--background sky", "5 of the 5", "--masks"], *self.fit("--background", "sky"))
+        self.refuses(2, ["--background is sky", "5 of the 5", "--masks"], *self.fit("--background", "sky"))
         self.refuses(2, ["--background", "skyish"], *self.fit("--background", "skyish"))
         self.refuses(2, ["--masks", "none of the 5"], *self.fit("--masks", "ignore"))
         self.refuses(2, ["--invert-masks", "none of the 5"], *self.fit("--invert-masks"))

@@ -110,7 +110,7 @@ class FitterTest : public test::FlavourTest {
     const DeviceFitPicture given = upload(ctx(), picture);
     Fitter fitter(ctx(), start, test::kNear, mirror, options);
     Camera nearer = camera;
-    nearer.fx *= 0.05, nearer.fy *= 0.05;  // pixels that are as large as the Gaussians
+    nearer.fx *= 0.2, nearer.fy *= 0.2;  // pixels that are as large as the Gaussians
     if (options.antialias) fitter.set_cameras({nearer});
     Objective objective{picture, options, drawing, false, {}, read(fitter.parameters())};
     for (int i = 0; i < steps; ++i) fitter.step(given);
@@ -275,7 +275,7 @@ TEST_P(FitterTest, GradientMatchesDifferencesOverEachBackground) {
   for (const Kind kind : {Kind::colour, Kind::random, Kind::sky}) {
     SCOPED_TRACE(static_cast<int>(kind));
     options.background = {kind, {0.2f, 0.9f, 0.4f}};
-    check_gradient(options, 2, false, true);
+    check_gradient(options, 3, false, true);
   }
   options.background.kind = Kind::random;
   check_gradient(options, 2, true, false);

@@ -43,7 +43,7 @@ class WholeStartTest : public ::testing::Test {
     return out;
   }
   Scene make(std::vector<ColoredPoint> points, long most = 0, std::uint64_t seed = 3) {
-    WholeStart start{scene_frame(cameras_, points), std::move(points), most, seed};
+    WholeStart start{scene_frame(cameras_, points), std::move(points), most, 3000, seed};
     unit_ = start.frame.placement.edge;
     return whole_scene(start, photographs_, views_);
   }
@@ -91,6 +91,7 @@ TEST_F(WholeStartTest, TheirNumberIsLimited) {
 }
 
 TEST_F(WholeStartTest, WithoutPointsTheyAreWhereThePicturesLook) {
+  EXPECT_EQ(make({}).gaussians.count, 3150U);
   const Scene scene = make({}, 2000);
   ASSERT_EQ(scene.gaussians.count, 2000U);
   std::size_t above = 0;
