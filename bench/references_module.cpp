@@ -110,8 +110,10 @@ Task onednn_product(const VsplatProduct& p) {
   const auto desc =
       p.bias ? described<dnnl::matmul>(d->engine, attributes, a.get_desc(), weights, bias.get_desc(), out.get_desc())
              : described<dnnl::matmul>(d->engine, attributes, a.get_desc(), weights, out.get_desc());
+  // By way of rows: oneDNN 3.7.2 brings columns wrongly to its blocks where those are larger than the matrix.
+  const memory rows = d->brought(w, {{p.k, p.n}, memory::data_type::f32, memory::format_tag::ab});
   std::unordered_map<int, memory> arguments = {
-      {DNNL_ARG_SRC, a}, {DNNL_ARG_WEIGHTS, d->brought(w, desc.weights_desc())}, {DNNL_ARG_DST, out}};
+      {DNNL_ARG_SRC, a}, {DNNL_ARG_WEIGHTS, d->brought(rows, desc.weights_desc())}, {DNNL_ARG_DST, out}};
   if (p.bias) arguments[DNNL_ARG_BIAS] = bias;
   if (p.residual)
     arguments[DNNL_ARG_ATTR_MULTIPLE_POST_OP(ops.len() - 1) | DNNL_ARG_SRC_1] =

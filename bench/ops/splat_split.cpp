@@ -21,12 +21,13 @@ Prepared scores_case(Context& ctx) {
   }
   Projected visible;
   visible.ids = ctx.upload({kVoxels}, ids, Type::u32);
+  visible.records = random(ctx, {kVoxels, 12}, 3, 0, 1);
   const std::vector<std::uint8_t> touched(static_cast<std::size_t>(4 * kVoxels), 1);
   const SplatScores a{visible,
                       ctx.upload({kVoxels + 1}, offsets, Type::u32),
                       {random(ctx, {4 * kVoxels, 10}, 1, 0, 1), ctx.upload({4 * kVoxels}, touched, Type::u8)},
-                      1000,
-                      random(ctx, {kVoxels}, 2, 0, 1)};
+                      random(ctx, {kVoxels}, 2, 0, 1),
+                      1000};
   return operation(ctx, [&ctx, a] { splat_scores(ctx, a); }, {a.scores});
 }
 

@@ -8,7 +8,7 @@
 // log_scales  f32   [K,3]  scale = exp(log scale)
 // quats       f32   [K,4]  of any length but 0
 // ```
-#include "common.clh"
+#include "rasterize.clh"
 
 #define LEAST 0.005f  // opacity below which a Gaussian's place is used for another
 #define OFFSET 0.5f
@@ -36,13 +36,15 @@ kernel void splat_split_error(global const float* restrict colour, global const 
 // ids         u32    [N]     the visible Gaussians, as indices into the scene
 // touched     u8     [M]     whether a row was written
 // offsets     u32    [N+1]   visible Gaussian i has the rows offsets[i] .. offsets[i + 1] - 1
+// records     f32    [N,12]  the visible Gaussians, as project.cl writes them
 // rows        f32    [M,10]  as rasterize_backward.cl writes them with WEIGH; the last column becomes 0
-// scores      f32    [K]     added to: the sum, or 1e30 for a Gaussian that is seen in more than `most` tiles
+// scores      f32    [K]     added to: the sum, or 1e30 for a Gaussian that covers more than `most` pixels
 // work-items  one per visible Gaussian
 // ```
+// A Gaussian covers at most the tiles that see it, and the ellipse where its alpha reaches MIN_ALPHA.
 kernel void splat_split_scores(global const uint* restrict ids, global const uchar* restrict touched,
-                               global const uint* restrict offsets, global float* restrict rows,
-                               global float* restrict scores, int N, uint most) {
+                               global const uint* restrict offsets, global const float* restrict records,
+                               global float* restrict rows, global float* restrict scores, int N, float most) {
   const int n = get_global_id(0);
   if (n >= N) return;
   float sum = 0.0f;
@@ -53,7 +55,10 @@ kernel void splat_split_scores(global const uint* restrict ids, global const uch
     rows[(size_t)r * 10 + 9] = 0.0f;
     ++tiles;
   }
-  scores[ids[n]] += tiles > most ? 1e30f : sum;
+  const float4 form = vload4(1, records + (size_t)n * 12);
+  const float ellipse = M_PI_F * (form.x + LOG2_255) * rsqrt(form.z * form.w);
+  const float covered = fmin(ellipse, (float)tiles * (TILE * TILE));
+  scores[ids[n]] += covered > most ? 1e30f : sum;
 }
 
 // ```

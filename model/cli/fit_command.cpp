@@ -262,8 +262,8 @@ void add_fit(CLI::App& app, Run& run) {
   sub->add_option("--background", o->fit.background,
                   "What is behind the scene where it lets light through, while fitting and measuring: a colour as in "
                   "`render`; random, another colour in every step, which leaves no holes (measured over black); sky, "
-                  "fitted, too, and written as Gaussians on a far sphere (default: auto, white; in every other step of "
-                  "pictures whose mask or alpha marks an object a random colour)")
+                  "fitted, too, and written as Gaussians on a far sphere (default: auto, sky for a whole scene; for an "
+                  "object white, with a random colour in every other step of masked pictures)")
       ->type_name("COLOUR|random|sky|auto")
       ->group(behind);
   sub->add_option("--masks", o->fit.masks,

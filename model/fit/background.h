@@ -45,7 +45,7 @@ class Sky {
   // Applies the gradient; `step` counts from 1.
   void move(Context& ctx, long step) const;
 
-  // Round, nearly opaque Gaussians of constant colour, which cover the sphere without gaps.
+  // Round Gaussians of constant colour, which cover the sphere without gaps: together they are nearly opaque.
   Gaussians gaussians(Context& ctx, const SkySphere& sphere, int sh_degree) const;
 
   void put(Context& ctx, FitTensors& out) const;

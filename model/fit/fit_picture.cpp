@@ -37,6 +37,7 @@ DeviceFitPicture upload(Context& ctx, const FitPicture& picture) {
   DeviceFitPicture out{picture.camera, ctx.upload({h, w, 4}, picture.rgba, Type::u8, "picture"), {}, picture.masked};
   if (!picture.known.empty()) out.known = ctx.upload({h, w}, picture.known, Type::u8, "known pixels");
   out.known_share = known_share(picture);
+  out.window_share = known_window_share(picture);
   return out;
 }
 
@@ -44,6 +45,28 @@ double known_share(const FitPicture& picture) {
   if (picture.known.empty()) return 1;
   const auto unknown = std::count(picture.known.begin(), picture.known.end(), std::uint8_t{0});
   return 1 - static_cast<double>(unknown) / static_cast<double>(picture.known.size());
+}
+
+double known_window_share(const FitPicture& picture) {
+  constexpr int side = 11;
+  const int w = picture.camera.width, h = picture.camera.height;
+  if (picture.known.empty() || std::min(w, h) < side) return 1;
+  const auto width = static_cast<std::size_t>(w);
+  std::vector<int> since(width, side);  // rows since the last known pixel of each column
+  long found = 0;
+  for (int y = 0; y < h; ++y) {
+    for (std::size_t x = 0; x < width; ++x) {
+      const bool known = picture.known[static_cast<std::size_t>(y) * width + x] != 0;
+      since[x] = known ? 0 : since[x] + 1;
+    }
+    if (y < side - 1) continue;
+    int columns = side;  // since the last that has a known pixel in the window's rows
+    for (int x = 0; x < w; ++x) {
+      columns = since[static_cast<std::size_t>(x)] < side ? 0 : columns + 1;
+      if (x >= side - 1 && columns < side) ++found;
+    }
+  }
+  return static_cast<double>(found) / (static_cast<double>(w - side + 1) * (h - side + 1));
 }
 
 }  // namespace vsplat

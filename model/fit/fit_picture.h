@@ -28,12 +28,16 @@ struct DeviceFitPicture {
   Camera camera;
   Tensor given, known;  // u8 [H,W,4]; u8 [H,W] or empty
   bool masked = false;
-  double known_share = 1;  // of the pixels
+  double known_share = 1;   // of the pixels
+  double window_share = 1;  // known_window_share()
 };
 
 DeviceFitPicture upload(Context& ctx, const FitPicture& picture);
 
 // The share of a picture's pixels that are known.
 double known_share(const FitPicture& picture);
+
+// The share of the windows of SSIM in a picture (loss.h) that hold a known pixel; 1 if it is too small for a window.
+double known_window_share(const FitPicture& picture);
 
 }  // namespace vsplat

@@ -21,7 +21,8 @@ namespace {
 constexpr std::size_t kNeighbours = 3;
 constexpr double kLowScale = 1e-4, kHighScale = 0.1;  // of the edge
 constexpr float kOpacity = 0.5f;
-constexpr long kTries = 2000;  // for each Gaussian of a random start
+constexpr double kMargin = 0.1;  // of the extent of the places that were found
+constexpr long kTries = 2000;    // for each Gaussian of a random start
 
 // Mean distance of each position to its nearest neighbours, in the unit of `positions`.
 std::vector<double> neighbour_distances(const PointRows& positions) {
@@ -134,17 +135,28 @@ Scene random_scene(const Placement& placement, long count, std::uint64_t seed, c
   const Shown shown(photographs, views);
   std::vector<Eigen::Vector3d> places;
   StartPoints start;
+  Eigen::Array3d low = Eigen::Array3d::Constant(-0.5), high = -low;
   const auto place = [&](long number) {
     const auto random =
         philox4x32_10({static_cast<std::uint32_t>(number), 0, stream_of("fit.start"), 0}, rng_key(seed));
-    return Eigen::Vector3d(uniform01(random[0]) - 0.5, uniform01(random[1]) - 0.5, uniform01(random[2]) - 0.5);
+    const Eigen::Array3d at(uniform01(random[0]), uniform01(random[1]), uniform01(random[2]));
+    return Eigen::Vector3d(low + at * (high - low));
   };
-  for (long i = 0; i < kTries * count && static_cast<long>(places.size()) < count; ++i) {
-    const Eigen::Vector3d about = place(i);
-    if (const auto colour = shown.at(placement.centre + placement.edge * about)) {
-      places.push_back(about);
-      start.colours.push_back(*colour);
+  const auto find = [&](long first) {
+    for (long i = first; i < first + kTries * count && static_cast<long>(places.size()) < count; ++i) {
+      const Eigen::Vector3d about = place(i);
+      if (const auto colour = shown.at(placement.centre + placement.edge * about)) {
+        places.push_back(about);
+        start.colours.push_back(*colour);
+      }
     }
+  };
+  find(0);
+  if (!places.empty() && static_cast<long>(places.size()) < count) {  // the object is small in its cube
+    Eigen::Array3d least = high, most = low;
+    for (const Eigen::Vector3d& each : places) least = least.min(each.array()), most = most.max(each.array());
+    low = low.max(least - kMargin * (most - least)), high = high.min(most + kMargin * (most - least));
+    find(kTries * count);
   }
   if (places.empty())
     for (long i = 0; i < count; ++i) {

@@ -122,6 +122,7 @@ void Fitter::set_cameras(const std::vector<Camera>& cameras) {
   }
   ctx_.write(x.log_scales, log_scales.data());
   ctx_.write(x.logits, logits.data());
+  if (home_scales_) ctx_.copy(x.log_scales, home_scales_);
 }
 
 void Fitter::find_variances() {
@@ -217,7 +218,7 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     }
     return by;
   };
-  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()}, aside.dpose, scores);
+  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()}, aside.dpose, {scores, true});
   const auto share = [&](float weight) { return weight / static_cast<float>(std::max(count_, 1L)); };
   SplatParametersBackward back{parameters(), dropping, gradient()};
   back.opacity_weight = share(options_.opacity_weight);
@@ -246,7 +247,8 @@ void Fitter::move() {
   const SplatState now = vsplat::first(all_, count_);
   const GaussianGradients d = gradient();
   const bool shape = step_ > options_.colours_first;
-  const double fall = std::pow(options_.means_fall, static_cast<double>(step_) / static_cast<double>(options_.steps));
+  const double done = std::min(1.0, static_cast<double>(step_) / static_cast<double>(options_.steps));
+  const double fall = std::pow(options_.means_fall, done);
   const double means = shape ? options_.rates.means * fall : 0;
   const auto adam = [&](const Tensor& x, const Tensor& g, const Tensor& m, const Tensor& v, double rate, float low,
                         float high, long head, double rest) {
@@ -294,12 +296,12 @@ Tensor compare(Context& ctx, const DevicePicture& drawn, const std::array<float,
   return out;
 }
 
-// Unknown pixels have no error, so what differs lies in the known ones.
+// Unknown pixels have no error, and windows without a known pixel are similar: what differs lies in the others.
 FitScore score_of(Context& ctx, const Tensor& measured, const DeviceFitPicture& picture) {
   const auto values = ctx.read<float>(measured);
-  const double share = std::max(picture.known_share, 1e-12);
+  const double share = std::max(picture.known_share, 1e-12), windows = std::max(picture.window_share, 1e-12);
   const auto error = static_cast<double>(values[1]), similarity = static_cast<double>(values[2]);
-  return {-10 * std::log10(std::max(error / share, 1e-12)), share < 1 ? 1 - (1 - similarity) / share : similarity};
+  return {-10 * std::log10(std::max(error / share, 1e-12)), windows < 1 ? 1 - (1 - similarity) / windows : similarity};
 }
 
 }  // namespace
@@ -347,7 +349,8 @@ void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
     return by;
   };
   // The gradient stays zero: the picture's is.
-  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, drawing({0, 0, 0}), ones, {gradient()}, nullptr, sums);
+  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, drawing({0, 0, 0}), ones, {gradient()}, nullptr,
+                       {sums});
 }
 
 void Fitter::replace(const Gaussians& gaussians) {

@@ -113,6 +113,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   used = listed_views(p.set, request.names, Option::fit_views);
   if (request.consolidate > 0 && used.size() < kManyViews && !request.whole)
     fail(Status::usage, "a consolidation needs {} views or more, {} are used", kManyViews, used.size());
+  choose_background();
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");

@@ -13,6 +13,15 @@ constexpr std::size_t kMasksSampled = 8;  // masks sampled to represent all
 
 }  // namespace
 
+// Sets what FitBackground::Kind::automatic stands for, of a whole scene. A fixed colour would take the place of Gaussians
+// where few pictures look (bench/results/README.md).
+void SceneFit::Impl::choose_background() {
+  if (!request.whole || request.background.kind != FitBackground::Kind::automatic) return;
+  const bool masked = std::any_of(used.begin(), used.end(),
+                                  [this](int view) { return LoadedPhotograph(photographs, view).is_masked(); });
+  request.background.kind = masked ? FitBackground::Kind::random : FitBackground::Kind::sky;
+}
+
 // Refuses what masks make impossible, and warns if little of the pictures takes part.
 void SceneFit::Impl::check_masks() {
   const bool ignored = photographs.masks == MaskUse::ignore;

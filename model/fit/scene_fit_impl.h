@@ -60,6 +60,7 @@ struct SceneFit::Impl {
   void step_on(int view);
   int view_of_step(long step) const;
   void warn_of_background();
+  void choose_background();
   void check_masks();
   SkySphere sky_sphere() const;
   FitScore score_written();  // of `best` on the held-out pictures of the current phase

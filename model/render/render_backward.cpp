@@ -45,16 +45,17 @@ namespace {
 void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                    const Projected& projected, const Binned& binned, const DevicePicture& picture,
                    const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists,
-                   const Tensor& scores) {
+                   const PixelSums& sums) {
   const bool surfels = scene.kind == GaussianKind::surfel, mirrored = options.mirror.has_value();
   const IntersectionGradients rows =
       surfels ? rasterize_surfels_backward(ctx, {projected, binned, part, options.background, picture, gradient,
                                                  options.near, options.revision})
               : rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient, Pulls::none,
-                                         static_cast<bool>(scores)});
-  if (scores) {
-    const long tiles = tiles_along(picture.colour.dim(1)) * tiles_along(picture.colour.dim(0));
-    splat_scores(ctx, {projected, binned.offsets, rows, tiles / 2, scores});
+                                         static_cast<bool>(sums.to)});
+  if (sums.to) {
+    SplatScores a{projected, binned.offsets, rows, sums.to};
+    if (sums.wide_first) a.most_pixels = static_cast<double>(picture.alpha.count()) / 2;
+    splat_scores(ctx, a);
   }
   for (long i = 0; i < scene.chunks(); ++i) {
     const DeviceGaussians chunk = scene.get(ctx, i);
@@ -73,7 +74,7 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOption
 
 void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                      const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose,
-                     const Tensor& scores) {
+                     const PixelSums& sums) {
   const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
   const Stage stage(ctx, "splat");
   const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
@@ -82,7 +83,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, scores);
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, sums);
                   if (!pose) return;
                   const Tensor sum = sum_twists(c, twists);
                   if (!c.planning()) poses.push_back(sum);
@@ -97,7 +98,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
 
 DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
                                   const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
-                                  std::array<double, 6>* pose, const Tensor& scores) {
+                                  std::array<double, 6>* pose, const PixelSums& sums) {
   const Stage stage(ctx, "splat");
   const DevicePicture picture = picture_in_room(ctx, scene, camera, options.maps);
   DrawnPicture drawn{picture};
@@ -109,7 +110,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, scores);
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, sums);
                   const Tensor sum = pose ? sum_twists(c, twists) : Tensor();
                   if (pose && &c == &ctx && !ctx.planning()) {
                     const auto values = ctx.read<float>(sum);
@@ -118,7 +119,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (&c == &ctx) done = true;  // not on the plan, which may not fit
                 });
   // With several parts, the loss needs the whole picture, which is complete only now.
-  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose, scores);
+  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose, sums);
   return drawn;
 }
 

@@ -112,16 +112,38 @@ std::vector<Ball> visible_balls(const Gaussians& g) {
   return out;
 }
 
-// Removes balls far from the others, if they are more than middle_of() and distance_for() ignore by themselves.
-std::vector<Ball> without_floaters(std::vector<Ball> balls) {
-  constexpr double far_off = 10;  // times the median distance from the middle
-  constexpr double few = 0.02;
+constexpr double far_off = 10;  // times the median distance from the middle
+
+Vector3d median_of(const std::vector<Ball>& balls) {
   Vector3d middle;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<double> values;
     for (const Ball& b : balls) values.push_back(b.mean[axis]);
     middle[axis] = median(std::move(values));
   }
+  return middle;
+}
+
+// Removes a sky, as a fit writes it: a sphere of most of the balls, far around the others. One of fewer balls counts as
+// floaters.
+std::vector<Ball> without_sky(std::vector<Ball> balls) {
+  constexpr double thickness = 0.1;
+  const Vector3d middle = median_of(balls);
+  std::vector<double> distances, inside;
+  for (const Ball& b : balls) distances.push_back((b.mean - middle).norm());
+  const double radius = median(distances), inner = (1 - thickness) * radius, outer = (1 + thickness) * radius;
+  std::copy_if(distances.begin(), distances.end(), std::back_inserter(inside), [&](double d) { return d < inner; });
+  const auto shell = static_cast<std::size_t>(
+      std::count_if(distances.begin(), distances.end(), [&](double d) { return d >= inner && d <= outer; }));
+  if (2 * shell < balls.size() || inside.empty() || far_off * median(inside) > radius) return balls;
+  std::erase_if(balls, [&](const Ball& b) { return (b.mean - middle).norm() >= inner; });
+  return balls;
+}
+
+// Removes balls far from the others, if they are more than middle_of() and distance_for() ignore by themselves.
+std::vector<Ball> without_floaters(std::vector<Ball> balls) {
+  constexpr double few = 0.02;
+  const Vector3d middle = median_of(balls);
   std::vector<double> distances;
   for (const Ball& b : balls) distances.push_back((b.mean - middle).norm());
   const double most = far_off * median(distances);
@@ -287,7 +309,7 @@ std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, 
   circle.start = front_of(circle.up);
   std::vector<Ball> balls = visible_balls(scene.gaussians);
   if (!balls.empty()) {
-    balls = without_floaters(std::move(balls));
+    balls = without_floaters(without_sky(std::move(balls)));
     circle.centre = middle_of(balls, circle);
     apply(options, circle);  // sets the elevation, on which the distance depends
     circle.radius = distance_for(balls, circle, width, height);

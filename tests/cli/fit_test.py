@@ -343,7 +343,6 @@ class Fit(support.Case):
         self.refuses(2, ["--background", "skyish"], *self.fit("--background", "skyish"))
         self.refuses(2, ["--masks", "none of the 5"], *self.fit("--masks", "ignore"))
         self.refuses(2, ["--invert-masks", "none of the 5"], *self.fit("--invert-masks"))
-        self.refuses(2, "--start", "fit", self.photos, "--output", self.path("x.ply"))
         self.refuses(2, "--output", "fit", self.photos, "--start", self.ball)
         self.refuses(1, "nowhere.ply", *self.fit(start=self.path("nowhere.ply")))
         self.refuses(2, ["--output", ".ply"], *self.fit(output="out.splat"))

@@ -36,24 +36,41 @@ struct Objective {
   std::vector<double> sky = {};       // coefficients [25,3], or none
   std::vector<float> target = {};     // fixed at the parameters at which the gradient is taken
 
+  std::vector<double> opacities(const Parameters& x) const {
+    std::vector<double> out;
+    for (std::size_t k = 0; k < x.logits.size(); ++k) out.push_back(ref::splat_opacity(x.logits[k], left, k));
+    for (std::size_t i = 0; i < x.log_scales.size() && !variances.empty(); ++i) {
+      const double s = ref::splat_scale(x.log_scales[i]);
+      out[i / 3] *= s / std::hypot(s, std::sqrt(variances[i / 3]));
+    }
+    return out;
+  }
+
   Gaussians gaussians(const Parameters& x) const {
     Gaussians g;
     g.count = x.logits.size();
     while (3 * g.count * g.sh_count() < x.sh.size()) ++g.sh_degree;
     g.means = x.means, g.quats = x.quats, g.sh = x.sh;
     for (const float v : x.log_scales) g.scales.push_back(static_cast<float>(ref::splat_scale(v)));
-    for (std::size_t k = 0; k < g.count; ++k)
-      g.opacities.push_back(static_cast<float>(ref::splat_opacity(x.logits[k], left, k)));
+    for (const double v : opacities(x)) g.opacities.push_back(static_cast<float>(v));
     for (std::size_t i = 0; i < g.scales.size() && !variances.empty(); ++i) {
       const double s = static_cast<double>(g.scales[i]), filtered = std::hypot(s, std::sqrt(variances[i / 3]));
-      g.opacities[i / 3] *= static_cast<float>(s / filtered);
       g.scales[i] = static_cast<float>(filtered);
     }
     return g;
   }
 
   ref::Frame render(const Parameters& x) const {
-    ref::Frame out = ref::render(gaussians(x), picture.camera, drawing);
+    const Gaussians g = gaussians(x);
+    const std::vector<double> exact = opacities(x);
+    std::vector<ref::Splat> splats = ref::project_all(g, picture.camera, drawing);
+    // Opacities rounded to floats would be noise in differences, as large as the tolerance.
+    for (std::size_t k = 0; k < g.count; ++k)
+      if (exact[k] > 0) splats[k].opacity *= exact[k] / g.opacities[k];
+    ref::Frame out;
+    const std::vector<const ref::Splat*> order = ref::depth_order(splats);
+    for (int y = 0; y < picture.camera.height; ++y)
+      for (int i = 0; i < picture.camera.width; ++i) ref::blend_pixel(order, i, y, drawing, out);
     if (!sky.empty()) out.colour = ref::over_sky(sky, picture.camera, out.colour, out.alpha);
     return out;
   }

@@ -34,14 +34,15 @@ void splat_error(Context& ctx, const Tensor& colour, const Tensor& target, const
 
 void splat_scores(Context& ctx, const SplatScores& a) {
   Dims d;
-  d.bind("ids", a.visible.ids, {"N"}, Type::u32).bind("rows", a.intersections.rows, {"M", "10"});
+  d.bind("ids", a.visible.ids, {"N"}, Type::u32).bind("records", a.visible.records, {"N", "12"});
+  d.bind("rows", a.intersections.rows, {"M", "10"});
   d.bind("touched", a.intersections.touched, {"M"}, Type::u8).bind("scores", a.scores, {"K"});
   const long n = d["N"];
   d.set("N + 1", n + 1).bind("offsets", a.offsets, {"N + 1"}, Type::u32);
   const auto rows = static_cast<double>(d["M"]);
-  ctx.launch({"splat_split", "splat_split_scores", ""}, items(n), {rows, 9 * rows + 16.0 * static_cast<double>(n)},
-             a.visible.ids, a.intersections.touched, a.offsets, written_somewhere(a.intersections.rows),
-             written(a.scores), n, static_cast<unsigned>(a.most_tiles));
+  ctx.launch({"splat_split", "splat_split_scores", ""}, items(n), {rows, 9 * rows + 32.0 * static_cast<double>(n)},
+             a.visible.ids, a.intersections.touched, a.offsets, a.visible.records,
+             written_somewhere(a.intersections.rows), written(a.scores), n, static_cast<float>(a.most_pixels));
 }
 
 void add_scores(Context& ctx, const Tensor& fresh, const Tensor& scores) {

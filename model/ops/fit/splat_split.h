@@ -1,5 +1,7 @@
 // Splits the Gaussians that cover a picture's errors, and scores them by that; see cl/fit/splat_split.cl.
 #pragma once
+#include <limits>
+
 #include "model/ops/fit/splat_relocate.h"
 #include "model/ops/render/rasterize.h"
 
@@ -13,8 +15,9 @@ struct SplatScores {
   Projected visible;                    // N of them
   Tensor offsets;                       // u32 [N + 1]: from Binned
   IntersectionGradients intersections;  // of rasterize_backward() with `weigh`; the weighed column becomes 0
-  long most_tiles = 0;                  // a Gaussian that is seen in more tiles gets a score above all others
   Tensor scores;                        // f32 [K], for the whole scene: added to
+  // A Gaussian that covers more pixels gets a score above all others.
+  double most_pixels = std::numeric_limits<double>::infinity();
 };
 void splat_scores(Context& ctx, const SplatScores& a);
 

@@ -137,7 +137,8 @@ TEST_P(DensityTest, WhatCoversTheErrorIsSplit) {
   EXPECT_TRUE(test::close(after.means, std::vector<double>{-0.25, 0, 0, 0.225, 0, 0, 0.275, 0, 0}, 1e-5));
   EXPECT_NEAR(after.opacities[0], 0.8, 1e-5);
   EXPECT_NEAR(after.opacities[1], 1 - std::sqrt(0.2), 1e-5);
-  for (const float score : fitter.state().at("scores").data) EXPECT_EQ(score, 0.0f);
+  const FitTensors state = fitter.state();
+  for (const float score : state.at("scores").data) EXPECT_EQ(score, 0.0f);
 }
 
 // A Gaussian that covers the picture is split before all others, even where there is no error.

@@ -40,5 +40,23 @@ TEST(FitPicture, WhatIsLeftOverIsDropped) {
   }
 }
 
+// Against a count of the definition.
+TEST(FitPicture, WindowsAreKnownWhereAPixelIs) {
+  for (const int of : {1, 40, 150, 400, 5000}) {
+    FitPicture p = picture(23, 17);
+    for (std::size_t i = 0; i < p.known.size(); ++i) p.known[i] = (7 * i + 5) % static_cast<std::size_t>(of) == 0;
+    int want = 0;
+    for (int y = 0; y < 7; ++y)
+      for (int x = 0; x < 13; ++x) {
+        bool any = false;
+        for (int i = 0; i < 121; ++i)
+          any = any || p.known[static_cast<std::size_t>((y + i / 11) * 23 + x + i % 11)] != 0;
+        want += any ? 1 : 0;
+      }
+    EXPECT_DOUBLE_EQ(known_window_share(p), want / 91.0) << of;
+  }
+  EXPECT_EQ(known_window_share(picture(10, 30)), 1);
+}
+
 }  // namespace
 }  // namespace vsplat

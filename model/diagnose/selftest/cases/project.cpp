@@ -46,7 +46,7 @@ double record_error(const ref::Splat& want, const float* r, std::uint32_t key, d
   near(r[0], want.u, 1e-6 * (focal + std::abs(want.u)) * std::max(1.0, std::abs(want.u) / focal));
   near(r[1], want.v, 1e-6 * (focal + std::abs(want.v)) * std::max(1.0, std::abs(want.v) / focal));
   near(r[3], want.z, 1e-6 * (1 + want.z));
-  near(r[4], std::log2(want.opacity), 1e-5);
+  near(r[4], std::log2(want.opacity), 1e-5 + 4e-7 * want.edge_on);
   near(r[5], want.b / want.a, 3e-6 * std::sqrt(want.c / want.a));
   near(r[6] * want.a / log2e, -0.5, 3e-6);
   near(r[7] * det / want.a / log2e, -0.5, 1e-5);

@@ -112,7 +112,7 @@ void error_of(Checks& c, long pixels) {
 
 // Visible Gaussians with 0 to 8 rows each, of which every fourth was not written.
 void scores_of(Checks& c, std::size_t visible) {
-  constexpr long most_tiles = 5;
+  constexpr double most_pixels = 5 * 256;
   std::vector<std::uint32_t> ids, offsets{0};
   for (std::size_t i = 0; i < visible; ++i) {
     ids.push_back(static_cast<std::uint32_t>(2 * i + i % 2));
@@ -124,6 +124,7 @@ void scores_of(Checks& c, std::size_t visible) {
   const auto before = random_floats(all, 6, 0, 1);
   std::vector<double> want(before.begin(), before.end());
   std::vector<float> left = values;
+  std::vector<float> records = random_floats(12 * visible, 8, 0, 1);
   for (std::size_t i = 0; i < visible; ++i) {
     double sum = 0;
     long tiles = 0;
@@ -134,14 +135,21 @@ void scores_of(Checks& c, std::size_t visible) {
       left[10 * r + 9] = 0;
       ++tiles;
     }
-    want[ids[i]] += tiles > most_tiles ? 1e30 : sum;
+    // Ellipses of 1200 to 1400 pixels around the middle, without those that rounding decides.
+    const bool wide = i % 3 != 1;
+    float* form = &records[12 * i + 4];
+    const double room = form[0] + std::log2(255.0), area = (wide ? 1290 : 1270) + (wide ? 100 : -100) * form[1];
+    form[2] *= -1;
+    form[3] = static_cast<float>(std::pow(M_PI * room / area, 2) / form[2]);
+    want[ids[i]] += wide && tiles > 5 ? 1e30 : sum;
   }
   Projected projected;
   projected.ids = c.up({static_cast<long>(visible)}, ids);
+  projected.records = c.up({static_cast<long>(visible), 12}, records);
   const IntersectionGradients sums{c.up({static_cast<long>(rows), 10}, values),
                                    c.ctx.upload({static_cast<long>(rows)}, touched, Type::u8)};
   const Tensor scores = c.up({static_cast<long>(all)}, before);
-  splat_scores(c.ctx, {projected, c.up({static_cast<long>(visible + 1)}, offsets), sums, most_tiles, scores});
+  splat_scores(c.ctx, {projected, c.up({static_cast<long>(visible + 1)}, offsets), sums, scores, most_pixels});
   std::vector<float> got = c.ctx.read<float>(scores);
   for (std::size_t k = 0; k < all; ++k)
     if (want[k] > 1e29) c.that("covers much", got[k] > 0.99e30f), got[k] = 0, want[k] = 0;

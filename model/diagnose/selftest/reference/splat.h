@@ -21,6 +21,9 @@ struct Splat {
   double u = 0, v = 0, z = 0, a = 0, b = 0, c = 0, opacity = 0;  // covariance [a b; b c] in pixels^2
   int x0 = 0, x1 = 0, y0 = 0, y1 = 0;                            // tiles
   Eigen::Vector3d colour = Eigen::Vector3d::Zero();
+  // How many times wider the two largest scales' parallelogram is than the Gaussian's outline, with `antialias`: by so
+  // much a rounding error of a rotation grows in the opacity. 1 for a disc seen face on.
+  double edge_on = 0;
 };
 
 struct Options {
@@ -83,8 +86,13 @@ inline Splat project(const Gaussians& g, std::size_t k, const Camera& cam, const
   s.y0 = tile(s.v - 0.5 - radius, tiles_y);
   s.y1 = tile(s.v - 0.5 + radius + 15, tiles_y);
   s.opacity = g.opacities[k];
-  if (options.antialias)  // by the cross product: with thin ones, det cancels even in double
-    s.opacity *= std::sqrt(S.row(0).transpose().cross(S.row(1).transpose()).squaredNorm() / det);
+  if (options.antialias) {  // by the cross product: with thin ones, det cancels even in double
+    const Eigen::Vector3d across = S.row(0).transpose().cross(S.row(1).transpose());
+    s.opacity *= std::sqrt(across.squaredNorm() / det);
+    const Eigen::Vector3d pairs(scale.y() * scale.z(), scale.x() * scale.z(), scale.x() * scale.y());
+    const Eigen::Vector3d jn = J.row(0).transpose().cross(J.row(1).transpose());
+    s.edge_on = jn.norm() * pairs.maxCoeff() / across.norm();
+  }
   const Eigen::Vector3d centre = options.mirror ? Eigen::Vector3d(2 * *options.mirror - cam.centre()) : cam.centre();
   const Eigen::Vector3d d = mean - centre;
   const std::size_t n = g.sh_count();
