@@ -40,8 +40,9 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Eigen::Vec
 // An orbit for a scene without cameras, about the middle of its visible part (Gaussians of opacity 0.1 or more, or all
 // if there are none; the middle of their 2nd to 98th percentiles along up and across). It is level, with a field of
 // view of 50 degrees, at the distance that keeps a margin of a twentieth of the picture on every side all the way
-// round. Gaussians farther away than 1.3 times the 95th percentile are ignored. Up is taken from the options, else from
-// the scene, else -y. The first camera is at the front: -y in z-up worlds, +z in y-up worlds, -z in worlds with -y up.
+// round. Gaussians farther away than 1.3 times the 95th percentile are ignored, and so is a sky far around the others.
+// Up is taken from the options, else from the scene, else -y. The first camera is at the front: -y in z-up worlds, +z
+// in y-up worlds, -z in worlds with -y up.
 std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, int height,
                                       const OrbitOptions& options = {});
 

@@ -254,7 +254,7 @@ class _FitOptions(_Struct):
                 ("holdout_count", c.c_int32), ("holdout_names", c.POINTER(c.c_char_p)), ("num_holdout_names", c.c_size_t),
                 ("steps", c.c_int64), ("seconds", c.c_double), ("max_gaussians", c.c_uint64), ("sh_degree", c.c_int32),
                 ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32),
-                ("checkpoint", c.c_char_p), ("resume", c.c_int32), ("extent", c.c_int), ("near_plane", c.c_double), ("quality", c.c_int),
+                ("checkpoint", c.c_char_p), ("resume", c.c_int32), ("near_plane", c.c_double), ("extent", c.c_int), ("quality", c.c_int),
                 ("antialias", c.c_int32), ("density", c.c_int), ("consolidate", c.c_double), ("background", c.c_int),
                 ("background_colour", c.c_float * 3), ("masks", c.c_int), ("invert_masks", c.c_int32)]
 

@@ -43,10 +43,10 @@ typedef enum vsplat_fit_quality {
 
 /* What is fitted. */
 typedef enum vsplat_fit_extent {
-  VSPLAT_EXTENT_AUTO = 0,   /* the whole scene, unless the start is the network, a cube is given or listed, or pictures
+  VSPLAT_EXTENT_OBJECT = 0, /* an object: Gaussians begin in its cube, and what pictures show outside is white */
+  VSPLAT_EXTENT_SCENE = 1,  /* all that the pictures show. The frame follows from the cameras */
+  VSPLAT_EXTENT_AUTO = 2    /* the whole scene, unless the start is the network, a cube is given or listed, or pictures
                                have masks or alpha */
-  VSPLAT_EXTENT_OBJECT = 1, /* an object: Gaussians begin in its cube, and what pictures show outside is white */
-  VSPLAT_EXTENT_SCENE = 2   /* all that the pictures show. The frame follows from the cameras */
 } vsplat_fit_extent;
 
 typedef enum vsplat_holdout {
@@ -136,10 +136,9 @@ typedef struct vsplat_fit_options {
                              equal bits; NULL: none */
   int32_t resume;         /* 1: resume from `checkpoint` if it holds a state; that must be of the same request and the
                              same tuned parameters (vsplat_device_info.tuning) */
+  double near_plane;      /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole
+                             scene a hundredth of the distance to the nearest points that the pictures show */
   vsplat_fit_extent extent;
-  double
-      near_plane; /* of the fit and of the scene that it makes, in world units; 0: the start's, or for a whole scene a
-                        hundredth of the distance to the nearest points that the pictures show */
   vsplat_fit_quality quality;
   int32_t antialias; /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
                              vsplat_scene_info.antialias; a start that has it is always fitted so */
@@ -155,7 +154,7 @@ typedef struct vsplat_fit_options {
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, VSPLAT_EXTENT_AUTO, 0.0, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_MCMC,    \
+        0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, 0.0, VSPLAT_EXTENT_OBJECT, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_MCMC,  \
         0.0, VSPLAT_BACKGROUND_AUTO, {1.0f, 1.0f, 1.0f}, VSPLAT_MASKS_OBJECT, 0                                        \
   }
 
