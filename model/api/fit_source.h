@@ -21,8 +21,8 @@ struct FitSource {
 // The sparse points of the views. Error names where they were searched for.
 std::vector<ColoredPoint> points_of(const Photographs& photographs);
 
-// Places the object, or the scene, and checks what the start needs; `used` are the views of `o`, `longest` as in FitRequest. Keeps the scene or
-// model of `o` alive, but not device and photographs.
+// Places the object, or the scene, and checks what the start needs; `used` are the views of `o`, `longest` as in
+// FitRequest. Keeps the scene or model of `o` alive, but not device and photographs.
 FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                      const std::vector<int>& used, int longest);
 

@@ -13,8 +13,8 @@ constexpr std::size_t kMasksSampled = 8;  // masks sampled to represent all
 
 }  // namespace
 
-// Sets what FitBackground::Kind::automatic stands for, of a whole scene. A fixed colour would take the place of Gaussians
-// where few pictures look (bench/results/README.md).
+// Sets what FitBackground::Kind::automatic stands for, of a whole scene. A fixed colour would take the place of
+// Gaussians where few pictures look (bench/results/README.md).
 void SceneFit::Impl::choose_background() {
   if (!request.whole || request.background.kind != FitBackground::Kind::automatic) return;
   const bool masked = std::any_of(used.begin(), used.end(),

@@ -48,8 +48,8 @@ TEST_P(SplatSplitOp, NotANumberNeitherIsSplitNorStays) {
   EXPECT_TRUE(test::close(got, std::vector<double>{0, half, 0, half}, 1e-6));
 }
 
-// The halves of a Gaussian, drawn, are about as opaque in its middle and cover about as much. By the formula the covered
-// sum changes by -12 % at opacity 0.1 and -4 % at 0.5; it grows with the opacity, to +16 % at 0.9.
+// The halves of a Gaussian, drawn, are about as opaque in its middle and cover about as much. By the formula the
+// covered sum changes by -12 % at opacity 0.1 and -4 % at 0.5; it grows with the opacity, to +16 % at 0.9.
 TEST_P(SplatSplitOp, TheHalvesLookAsTheWhole) {
   const test::SceneCase c{"", 1, 0, 65, 65, ""};
   const Camera camera = test::make_camera(c, 3);
