@@ -158,7 +158,7 @@ class Fit(support.Case):
         """Growth needs 12 views: the two strategies give different scenes of the same size, and a consolidation a smaller one."""
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("many"), "--views", 12, "--size", self.SIDE, "--seed", 4)
         self.photos = self.path("many", "solid_0000")
-        more = ("--steps", 60, "--max-gaussians", 90, "--holdout", "none")
+        more = ("--steps", 120, "--max-gaussians", 90, "--holdout", "none")
         mcmc = self.told(*self.fit(*more, output="mcmc.ply"))
         error = self.told(*self.fit(*more, "--strategy", "error", output="error.ply"))
         for told in (mcmc, error):
@@ -169,11 +169,11 @@ class Fit(support.Case):
         self.assertEqual(read["mcmc"], read["same"])
         self.assertNotEqual(read["mcmc"], read["error"])
         half = self.told(*self.fit(*more, "--consolidate", 0.5, "--log", self.path("log.csv"), output="half.ply"))
-        self.assertEqual(half["steps"], 360)
+        self.assertEqual(half["steps"], 420)
         self.assertLessEqual(half["gaussians"], 45)
         self.assertGreater(half["gaussians"], 20)
         rows = list(csv.DictReader(open(self.path("log.csv"))))
-        self.assertEqual([row["phase"] for row in rows], 60 * ["fitting"] + 300 * ["consolidating"])
+        self.assertEqual([row["phase"] for row in rows], 120 * ["fitting"] + 300 * ["consolidating"])
 
     def test_poses_are_written_and_read_again(self):
         told = self.told(*self.fit("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))

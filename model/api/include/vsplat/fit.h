@@ -155,7 +155,7 @@ typedef struct vsplat_fit_options {
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
         0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, 0.0, VSPLAT_EXTENT_OBJECT, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_MCMC,  \
-        0.0, VSPLAT_BACKGROUND_AUTO, {1.0f, 1.0f, 1.0f}, VSPLAT_MASKS_OBJECT, 0                                        \
+        0.0, VSPLAT_BACKGROUND_AUTO, {1.0, 1.0, 1.0}, VSPLAT_MASKS_OBJECT, 0                                           \
   }
 
 /* A fit in progress. Belongs to its device. */
