@@ -113,30 +113,22 @@ static inline void columns_backward(Seen f, float3 c0, float3 c1, float3 c2, siz
   vstore4(vload4(i, dquats) + f.q1 * (by_q - dot(by_q, f.q) * f.q), i, dquats);
 }
 
-// Through the covariance, which is s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s, with a = j R: adds to the gradients of
-// scale and quaternion of Gaussian i, and returns those by j = J W.
-static inline Jacobian covariance_backward(Seen f, Ellipse p, float3 s, size_t i, global float* dscales,
-                                           global float* dquats) {
-  const float3 by_s1 = (p.xx * f.a1 + p.xy * f.a2) * s, by_s2 = (p.xy * f.a1 + p.yy * f.a2) * s;
-  add3(by_s1 * f.a1 + by_s2 * f.a2, i, dscales);
-  const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
-  columns_backward(f, by_a1.x * f.j1 + by_a2.x * f.j2, by_a1.y * f.j1 + by_a2.y * f.j2, by_a1.z * f.j1 + by_a2.z * f.j2,
-                   i, dquats);
+// Gradients through the factor of the opacity: by the scales, by an = jn R with the cross product jn of j, and by j. Not
+// used without ANTIALIAS.
+typedef struct {
+#ifdef ANTIALIAS
+  float3 by_scale, by_an, jn;
+#endif
   Jacobian by;
-  by.j1 = by_a1.x * f.r0 + by_a1.y * f.r1 + by_a1.z * f.r2;
-  by.j2 = by_a2.x * f.r0 + by_a2.y * f.r1 + by_a2.z * f.r2;
-  return by;
-}
+} Fading;
 
 #ifdef ANTIALIAS
 // Through the factor of the opacity, by whose logarithm the gradient is h. Its square is D / det, where D = |sn|^2 with
 // sn = s1 x s2, and det = D + 0.3 (|s1|^2 + |s2|^2) + 0.09, so that its logarithm changes by
 //   (1 / D - 1 / det) sn . dsn - 0.3 / det (s1 . ds1 + s2 . ds2).
-// The second term is one of the covariance and changes `p`. The first one adds to the gradients of scale and quaternion
-// of Gaussian i and to those by j; nothing in it cancels for needles and discs. D is not near 0 where a Gaussian is
-// seen.
-static inline Jacobian fading_backward(Seen f, float h, float3 s, Ellipse* p, size_t i, global float* dscales,
-                                       global float* dquats) {
+// The second term is one of the covariance and changes `p`. Nothing in the first one, which is returned, cancels for
+// needles and discs. D is not near 0 where a Gaussian is seen.
+static inline Fading fading_backward(Seen f, float h, float3 s, Ellipse* p) {
   const float3 s1 = f.a1 * s, s2 = f.a2 * s, pairs = s.yxx * s.zzy;
   const float3 jn = f.fx * f.rz * (f.fy * f.rz) * (f.sx * f.W0 + f.sy * f.W1 + f.W2);  // j1 x j2
   const float3 an = (float3)(dot(jn, f.r0), dot(jn, f.r1), dot(jn, f.r2)), sn = an * pairs;
@@ -144,15 +136,41 @@ static inline Jacobian fading_backward(Seen f, float h, float3 s, Ellipse* p, si
   p->xx -= DILATION * h / det;
   p->yy -= DILATION * h / det;
   const float3 by_sn = h * (more / det) / D * sn, by_pairs = by_sn * an, by_an = by_sn * pairs;
-  add3(by_pairs.yxx * s.zzy + by_pairs.zzy * s.yxx, i, dscales);
-  columns_backward(f, by_an.x * jn, by_an.y * jn, by_an.z * jn, i, dquats);
   const float3 by_jn = by_an.x * f.r0 + by_an.y * f.r1 + by_an.z * f.r2;
-  Jacobian by;
-  by.j1 = cross(f.j2, by_jn);
-  by.j2 = cross(by_jn, f.j1);
-  return by;
+  Fading out;
+  out.by_scale = by_pairs.yxx * s.zzy + by_pairs.zzy * s.yxx;
+  out.by_an = by_an;
+  out.jn = jn;
+  out.by.j1 = cross(f.j2, by_jn);
+  out.by.j2 = cross(by_jn, f.j1);
+  return out;
 }
 #endif
+
+// Through the covariance, which is s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s, with a = j R: adds to the gradients of
+// scale and quaternion of Gaussian i, and returns those by j = J W. `fading`: what else is added, in the same rounding.
+static inline Jacobian covariance_backward(Seen f, Ellipse p, float3 s, Fading fading, size_t i, global float* dscales,
+                                           global float* dquats) {
+  const float3 by_s1 = (p.xx * f.a1 + p.xy * f.a2) * s, by_s2 = (p.xy * f.a1 + p.yy * f.a2) * s;
+  const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
+  float3 by_scale = by_s1 * f.a1 + by_s2 * f.a2;
+  float3 c0 = by_a1.x * f.j1 + by_a2.x * f.j2, c1 = by_a1.y * f.j1 + by_a2.y * f.j2;
+  float3 c2 = by_a1.z * f.j1 + by_a2.z * f.j2;
+  Jacobian by;
+  by.j1 = by_a1.x * f.r0 + by_a1.y * f.r1 + by_a1.z * f.r2;
+  by.j2 = by_a2.x * f.r0 + by_a2.y * f.r1 + by_a2.z * f.r2;
+#ifdef ANTIALIAS
+  by_scale += fading.by_scale;
+  c0 += fading.by_an.x * fading.jn;
+  c1 += fading.by_an.y * fading.jn;
+  c2 += fading.by_an.z * fading.jn;
+  by.j1 += fading.by.j1;
+  by.j2 += fading.by.j2;
+#endif
+  add3(by_scale, i, dscales);
+  columns_backward(f, c0, c1, c2, i, dquats);
+  return by;
+}
 
 // The gradient by the place in the camera: through u, v, z and the Jacobian. by_z: through the depth that is drawn.
 static inline float3 place_backward(Seen f, Ellipse p, Jacobian by, float by_z) {
@@ -198,13 +216,11 @@ kernel MORE_REGISTERS void project_backward(global const float* means, global co
   Ellipse p = ellipse_sums(vload4(1, records + (size_t)n * 12), sum.low);
   const Seen f = seen_from(camera, mean, vload4(i, quats));
 #ifdef ANTIALIAS
-  const Jacobian by_fading = fading_backward(f, sum.low.s0, vload3(i, scales), &p, i, dscales, dquats);
+  const Fading fading = fading_backward(f, sum.low.s0, vload3(i, scales), &p);
+#else
+  Fading fading;  // not used
 #endif
-  Jacobian by = covariance_backward(f, p, vload3(i, scales), i, dscales, dquats);
-#ifdef ANTIALIAS
-  by.j1 += by_fading.j1;
-  by.j2 += by_fading.j2;
-#endif
+  const Jacobian by = covariance_backward(f, p, vload3(i, scales), fading, i, dscales, dquats);
   const float3 by_place = place_backward(f, p, by, sum.high.y);
   const float3 by_mean = by_place.x * f.W0 + by_place.y * f.W1 + by_place.z * f.W2;
 
