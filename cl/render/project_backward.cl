@@ -113,8 +113,8 @@ static inline void columns_backward(Seen f, float3 c0, float3 c1, float3 c2, siz
   vstore4(vload4(i, dquats) + f.q1 * (by_q - dot(by_q, f.q) * f.q), i, dquats);
 }
 
-// Gradients through the factor of the opacity: by the scales, by an = jn R with the cross product jn of j, and by j. Not
-// used without ANTIALIAS.
+// Gradients through the factor of the opacity: by the scales, by an = jn R with the cross product jn of j, and by j.
+// Not used without ANTIALIAS.
 typedef struct {
 #ifdef ANTIALIAS
   float3 by_scale, by_an, jn;
