@@ -30,7 +30,7 @@ class Usage(support.Case):
 
     def test_earlier_names(self):
         self.assertEqual(self.succeeds("help", "refine"), self.succeeds("help", "fit"))
-        self.refuses(2, "fit needs --start", "refine", self.views, "--output", self.path("x.ply"))
+        self.refuses(2, "fit needs --output", "refine", self.views)
         self.refuses(2, ["--crop", "squash"], *self.reconstruct("--fit", "squash"))
         overview, _ = self.succeeds("--help")
         self.assertNotIn("refine", overview)
