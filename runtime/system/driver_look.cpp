@@ -10,6 +10,7 @@
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
 #include "runtime/printable.h"
+#include "runtime/system/system.h"
 #include "runtime/system/watched_process.h"
 
 namespace vsplat {
@@ -56,7 +57,7 @@ bool take_fact(const std::vector<std::string>& fact, SeenDriver& out) {
 
 SeenDriver look(const char* what, const char* when, const std::string& library, double seconds) {
   const std::string program = library_program("vsplat-look");
-  const WatchedEnd end = run_watched(program, {what, when, library}, seconds);
+  const WatchedEnd end = run_watched(program, {what, when, library, std::to_string(sys::process_id())}, seconds);
   SeenDriver out;
   out.doing = "when it is loaded";
   bool whole = false;

@@ -1,7 +1,7 @@
 // vsplat-look: loads one OpenCL driver, or the loader with all of them, and prints what it finds. It is a separate
 // program because drivers crash and hang; driver_look.h starts it.
 //
-//   vsplat-look driver|loader lazy|now LIBRARY
+//   vsplat-look driver|loader lazy|now LIBRARY PARENT
 //
 // It writes one fact a line to the third descriptor, with fields separated by tabs. Each is written at once, so that
 // the output shows how far it came if it crashes.
@@ -121,11 +121,13 @@ void look_at_loader(void* library) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 4) {
+  if (argc != 5) {
     std::fputs("vsplat-look: looks at one OpenCL driver for the library of vsplat, which starts it\n", stderr);
     return 2;
   }
+  // A parent that had already ended sends no signal, so ask whether it is still there.
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (std::to_string(::getppid()) != argv[4]) return 2;
   const rlimit none = {0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
   void* library = ::dlopen(argv[3], (std::strcmp(argv[2], "now") == 0 ? RTLD_NOW : RTLD_LAZY) | RTLD_LOCAL);
