@@ -18,8 +18,8 @@
   /* scenes and drawing */                                                                                           \
   X(antialias) X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)  \
   /* a fit */                                                                                                        \
-  X(fit_checkpoint) X(fit_extent) X(fit_resume) X(fit_views) X(freeze) X(holdout_count) X(holdout_names) X(longest)   \
-  X(max_gaussians) X(near_plane)                                                                                                   \
+  X(background) X(fit_checkpoint) X(fit_extent) X(fit_resume) X(fit_views) X(freeze) X(holdout_count)                 \
+  X(holdout_names) X(invert_masks) X(longest) X(masks) X(max_gaussians) X(near_plane)                                 \
   /* models */                                                                                                       \
   X(import_config) X(import_fields) X(model) X(model_fields) X(model_init)                                            \
   /* training and evaluation */                                                                                      \
@@ -27,9 +27,7 @@
   X(pose_noise) X(data) X(extend) X(texture) X(textures) X(train) X(train_assume_selected) X(train_devices)           \
   X(train_plan) X(train_resume)                                                                                      \
   /* diagnosis */                                                                                                    \
-  X(doctor) X(selftest) X(tune) X(tune_table)                                                                        \
-  /* a fit's background and masks */                                                                                 \
-  X(background) X(invert_masks) X(masks)
+  X(doctor) X(selftest) X(tune) X(tune_table)
 
 namespace vsplat {
 
@@ -38,7 +36,7 @@ enum class Option { VSPLAT_OPTIONS(VSPLAT_OPTION) };
 #undef VSPLAT_OPTION
 // clang-format on
 
-inline constexpr std::size_t kOptions = static_cast<std::size_t>(Option::masks) + 1;
+inline constexpr std::size_t kOptions = static_cast<std::size_t>(Option::tune_table) + 1;
 using OptionNames = std::array<std::string, kOptions>;
 
 // Its name in this process; where none is set, the enumerator's.

@@ -64,8 +64,8 @@ FitFreeze freeze_of(uint32_t bits) {
           (bits & VSPLAT_FREEZE_OPACITIES) != 0, (bits & VSPLAT_FREEZE_SH) != 0};
 }
 
-FitQuality quality_of(int quality) {
-  switch (quality) {
+FitQuality quality_of(const vsplat_fit_quality& quality) {
+  switch (value_of(quality)) {
     case VSPLAT_QUALITY_DRAFT:
       return FitQuality::draft;
     case VSPLAT_QUALITY_NORMAL:
@@ -73,10 +73,10 @@ FitQuality quality_of(int quality) {
     case VSPLAT_QUALITY_HIGH:
       return FitQuality::high;
   }
-  fail(Status::usage, "options.quality is {}, not a value of vsplat_fit_quality", quality);
+  fail(Status::usage, "options.quality is {}, not a value of vsplat_fit_quality", value_of(quality));
 }
 
-DensityStrategy density_of(vsplat_density density) {
+DensityStrategy density_of(const vsplat_density& density) {
   switch (value_of(density)) {
     case VSPLAT_DENSITY_ERROR:
       return DensityStrategy::error;
@@ -138,7 +138,7 @@ FitRequest request_of(const vsplat_fit_options& o) {
   out.seconds = o.seconds;
   out.max_gaussians = static_cast<long>(o.max_gaussians);
   if (o.sh_degree >= 0) out.degree = o.sh_degree;
-  out.quality = quality_of(value_of(o.quality));
+  out.quality = quality_of(o.quality);
   out.longest = o.longest < 0 ? longest_of(out.quality) : o.longest;
   out.freeze = freeze_of(o.freeze);
   out.seed = o.seed;
@@ -289,6 +289,8 @@ vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_resul
     out.num_outliers = static_cast<int32_t>(r.suspects.size());
     out.sky_psnr = r.over_sky.psnr;
     out.sky_ssim = r.over_sky.ssim;
+    std::copy(r.background.begin(), r.background.end(), out.background);
+    out.in_turn = r.in_turn ? 1 : 0;
     give(out_result, out, "out_result");
   });
 }

@@ -238,10 +238,10 @@ FitSource object_source(vsplat_device device, const Photographs& photographs, co
       out.independent = true;
       return made;
     }
-    case VSPLAT_FIT_AUTO:
+    case VSPLAT_FIT_AUTO:  // chosen_start() has another
       break;
   }
-  fail(Status::usage, "options.start is {}, not a value of vsplat_fit_start", value_of(o.start));
+  return made;
 }
 
 }  // namespace
@@ -253,6 +253,8 @@ std::vector<ColoredPoint> points_of(const Photographs& photographs) {
 
 FitSource fit_source(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
                      const std::vector<int>& used, int longest) {
+  if (value_of(o.start) < VSPLAT_FIT_SCENE || value_of(o.start) > VSPLAT_FIT_AUTO)
+    fail(Status::usage, "options.start is {}, not a value of vsplat_fit_start", value_of(o.start));
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
   FitSource out = is_whole(photographs, o, input, used) ? whole_source(photographs, o, used, longest)

@@ -51,6 +51,7 @@ constexpr CName c_names[] = {
     FUNCTION(surfels_to_gaussians, vsplat_scene_surfels_to_gaussians),
     FIELD(up, vsplat_orbit_options, up),
 
+    FIELD(background, vsplat_fit_options, background),
     FIELD(fit_checkpoint, vsplat_fit_options, checkpoint),
     FIELD(fit_extent, vsplat_fit_options, extent),
     FIELD(fit_resume, vsplat_fit_options, resume),
@@ -58,7 +59,9 @@ constexpr CName c_names[] = {
     FIELD(freeze, vsplat_fit_options, freeze),
     FIELD(holdout_count, vsplat_fit_options, holdout_count),
     FIELD(holdout_names, vsplat_fit_options, holdout_names),
+    FIELD(invert_masks, vsplat_fit_options, invert_masks),
     FIELD(longest, vsplat_fit_options, longest),
+    FIELD(masks, vsplat_fit_options, masks),
     FIELD(max_gaussians, vsplat_fit_options, max_gaussians),
     FIELD(near_plane, vsplat_fit_options, near_plane),
 
@@ -89,10 +92,6 @@ constexpr CName c_names[] = {
     FUNCTION(selftest, vsplat_selftest),
     FUNCTION(tune, vsplat_tune),
     FIELD(tune_table, vsplat_tune_options, path),
-
-    FIELD(background, vsplat_fit_options, background),
-    FIELD(invert_masks, vsplat_fit_options, invert_masks),
-    FIELD(masks, vsplat_fit_options, masks),
 };
 #undef FIELD
 #undef FUNCTION

@@ -46,6 +46,7 @@ VSPLAT_LONG_FIELDS(vsplat_profile_row, VSPLAT_LONG_FIELD(vsplat_profile_row, ker
                    VSPLAT_LONG_FIELD(vsplat_profile_row, stage))
 VSPLAT_LONG_FIELDS(vsplat_reconstruct_options, VSPLAT_LONG_FIELD(vsplat_reconstruct_options, up))
 VSPLAT_LONG_FIELDS(vsplat_fit_options, VSPLAT_LONG_FIELD(vsplat_fit_options, background_colour))
+VSPLAT_LONG_FIELDS(vsplat_fit_result, VSPLAT_LONG_FIELD(vsplat_fit_result, background))
 VSPLAT_LONG_FIELDS(vsplat_fit_progress, VSPLAT_LONG_FIELD(vsplat_fit_progress, phase))
 VSPLAT_LONG_FIELDS(vsplat_render_options, VSPLAT_LONG_FIELD(vsplat_render_options, background))
 VSPLAT_LONG_FIELDS(vsplat_scene_info, VSPLAT_LONG_FIELD(vsplat_scene_info, mirror),

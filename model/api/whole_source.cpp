@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/api/scene.h"
+#include "model/fit/fit_pictures.h"
 #include "model/fit/whole_start.h"
 #include "model/views/listed_points.h"
 #include "model/views/pose_check.h"
@@ -24,13 +25,11 @@ bool has_cube(const ViewSet& set, const InputRequest& input) {
 }
 
 // The number of pixels of a picture as it is fitted, on average.
-double pixels_of(const std::vector<Camera>& cameras, int longest) {
+double pixels_of(const Photographs& photographs, const std::vector<int>& used, int longest) {
   double sum = 0;
-  for (const Camera& c : cameras) {
-    const double scale = longest > 0 ? std::min(1.0, static_cast<double>(longest) / std::max(c.width, c.height)) : 1;
-    sum += scale * scale * c.width * c.height;
-  }
-  return sum / static_cast<double>(cameras.size());
+  for (const Camera& c : FitPictures(photographs, {}, longest, 0).cameras(used))
+    sum += static_cast<double>(c.width) * c.height;
+  return sum / static_cast<double>(used.size());
 }
 
 }  // namespace
@@ -67,7 +66,8 @@ FitSource whole_source(const Photographs& photographs, const vsplat_fit_options&
   WholeStart start;
   start.most = static_cast<long>(o.max_gaussians);
   start.seed = o.seed;
-  start.random = static_cast<long>(std::ceil(std::min(kMostRandom, kRandomOfPixels * pixels_of(cameras, longest))));
+  start.random =
+      static_cast<long>(std::ceil(std::min(kMostRandom, kRandomOfPixels * pixels_of(photographs, used, longest))));
   const auto from = static_cast<vsplat_fit_start>(value_of(o.start));
   if (from == VSPLAT_FIT_POINTS) start.points = points_of(photographs);
   if (from == VSPLAT_FIT_AUTO)

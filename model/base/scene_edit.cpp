@@ -10,17 +10,6 @@
 namespace vsplat {
 namespace {
 
-// Adds higher bands with zero coefficients.
-void raise_degree(Gaussians& g, int degree) {
-  if (degree <= g.sh_degree) return;
-  const std::size_t before = 3 * g.sh_count();
-  g.sh_degree = degree;
-  const std::size_t each = 3 * g.sh_count();
-  std::vector<float> sh(each * g.count);
-  for (std::size_t k = 0; k < g.count; ++k) std::copy_n(&g.sh[before * k], before, &sh[each * k]);
-  g.sh = std::move(sh);
-}
-
 // Converts colours of the opposite direction to colours of the direction: f(-d) negates the odd bands.
 void turn_about(Gaussians& g) {
   for (std::size_t k = 0; k < g.count; ++k)
@@ -80,15 +69,28 @@ void append(Scene& to, const Scene& other, const Similarity& move) {
         to.antialias ? "with" : "without", to.antialias ? "fainter" : "larger");
   to.near = std::min(to.near, more.near);
   const int degree = std::max(to.gaussians.sh_degree, more.gaussians.sh_degree);
-  raise_degree(to.gaussians, degree);
-  raise_degree(more.gaussians, degree);
-  Gaussians& g = to.gaussians;
-  g.count += more.gaussians.count;
-  add(g.means, more.gaussians.means);
-  add(g.scales, more.gaussians.scales);
-  add(g.quats, more.gaussians.quats);
-  add(g.opacities, more.gaussians.opacities);
-  add(g.sh, more.gaussians.sh);
+  set_degree(to.gaussians, degree);
+  set_degree(more.gaussians, degree);
+  append(to.gaussians, more.gaussians);
+}
+
+void set_degree(Gaussians& g, int degree) {
+  if (degree == g.sh_degree) return;
+  const std::size_t before = 3 * g.sh_count();
+  g.sh_degree = degree;
+  const std::size_t each = 3 * g.sh_count();
+  std::vector<float> sh(each * g.count);
+  for (std::size_t k = 0; k < g.count; ++k) std::copy_n(&g.sh[before * k], std::min(before, each), &sh[each * k]);
+  g.sh = std::move(sh);
+}
+
+void append(Gaussians& to, const Gaussians& more) {
+  to.count += more.count;
+  add(to.means, more.means);
+  add(to.scales, more.scales);
+  add(to.quats, more.quats);
+  add(to.opacities, more.opacities);
+  add(to.sh, more.sh);
 }
 
 void keep(Gaussians& g, const std::function<bool(std::size_t)>& keeps) {

@@ -16,6 +16,12 @@ namespace vsplat {
 // mirror point and less accurate with the distance from it, so there is a warning.
 void append(Scene& to, const Scene& other, const Similarity& move);
 
+// Leaves out the bands of higher degrees, or adds them with zeros.
+void set_degree(Gaussians& gaussians, int degree);
+
+// Adds Gaussians of the same kind and degree, which are not checked.
+void append(Gaussians& to, const Gaussians& more);
+
 // Keeps the Gaussians for which `keeps` is true, in their order.
 void keep(Gaussians& gaussians, const std::function<bool(std::size_t)>& keeps);
 

@@ -1,5 +1,6 @@
 // Order statistics of small sets of numbers.
 #pragma once
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -19,6 +20,17 @@ inline double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t n = values.size();
   return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+}
+
+// Along each axis. `places` must not be empty.
+inline Eigen::Vector3d median(const std::vector<Eigen::Vector3d>& places) {
+  Eigen::Vector3d out;
+  std::vector<double> values(places.size());
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < places.size(); ++i) values[i] = places[i][axis];
+    out[axis] = median(values);
+  }
+  return out;
 }
 
 }  // namespace vsplat

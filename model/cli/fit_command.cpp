@@ -174,9 +174,10 @@ void add_fit_options(CLI::App& sub, FitOptions& o) {
       ->type_name("N|auto");
   sub.add_option("--time", o.seconds, "Time limit: no step begins that would end later, judging included")
       ->type_name("SECONDS");
-  sub.add_option("--holdout", o.holdout,
-                 "Which pictures are held out to judge the scene (default: auto, every eighth of 12 or more; with "
-                 "fewer, each is left out in turn)")
+  sub.add_option(
+         "--holdout", o.holdout,
+         "Which pictures are held out to judge the scene (default: auto, every eighth of 12 or more, of a whole "
+         "scene of 5 or more; with fewer, each is left out in turn, or none for a whole scene)")
       ->type_name("auto|none|N|NAME,...");
   sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default: by --quality)")->type_name("N|full");
   const char* what = "The scene";

@@ -57,14 +57,6 @@ void set_background(vsplat_fit_options& options, const std::string& text) {
   std::copy(given.begin(), given.end(), options.background_colour);
 }
 
-// What pictures are measured over.
-vsplat_render_options over_background(const vsplat_fit_options& options) {
-  vsplat_render_options out = VSPLAT_RENDER_OPTIONS_INIT;
-  for (std::size_t c = 0; c < 3 && options.background != VSPLAT_BACKGROUND_AUTO; ++c)
-    out.background[c] = options.background == VSPLAT_BACKGROUND_COLOUR ? options.background_colour[c] : 0;
-  return out;
-}
-
 std::string decibels(double psnr) {
   char text[32];
   std::snprintf(text, sizeof text, "%.2f dB", psnr);
@@ -214,8 +206,6 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   clear_progress();
   result_ = fit.result();
   judged_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
-  // With fewer than 12 views VSPLAT_HOLDOUT_AUTO leaves out each in turn, maybe before this run resumed the fit.
-  folds_ = options.holdout == VSPLAT_HOLDOUT_AUTO && fit.views(VSPLAT_FIT_USED).size() < 12;
   suspects_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
   start_ = fit.start();
   vsplat::Scene scene = fit.scene();
@@ -236,7 +226,8 @@ void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::
   how.columns = 4;
   if (rows <= large_rows) how.cell = large_cell;
   const vsplat::Sheet sheet(how);
-  const vsplat_render_options drawing = over_background(options);
+  vsplat_render_options drawing = VSPLAT_RENDER_OPTIONS_INIT;
+  std::copy(std::begin(result_.background), std::end(result_.background), drawing.background);
   for (std::size_t row = 0; row < rows; ++row) {
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
     const vsplat_camera camera = fit.camera(view);
@@ -257,7 +248,7 @@ void FitJob::summarise(const Common& common) const {
          "object?");
   const vsplat_fit_result& r = result_;
   const std::string on =
-      pictures_text(judged_.size()) + (folds_ ? ", each left out in turn: " : " that it was not fitted to: ");
+      pictures_text(judged_.size()) + (r.in_turn ? ", each left out in turn: " : " that it was not fitted to: ");
   if (stopped_)
     tell_stop(common, "stopped; the best so far is written: " +
                           (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));

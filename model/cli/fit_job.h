@@ -58,7 +58,7 @@ class FitJob {
   std::string log_, sheet_, poses_, checkpoint_;
   vsplat::Scene start_;
   vsplat_fit_result result_ = VSPLAT_FIT_RESULT_INIT;
-  bool stopped_ = false, folds_ = false;  // `folds_`: views were left out in turn
+  bool stopped_ = false;
   std::vector<std::string> judged_, suspects_;
 };
 

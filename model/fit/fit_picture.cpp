@@ -6,32 +6,6 @@
 
 namespace vsplat {
 
-FitPicture reduced(const FitPicture& picture, int by) {
-  const int w = picture.camera.width / by, h = picture.camera.height / by;
-  FitPicture out{picture.name, picture.camera, {}, {}, picture.masked};
-  Camera& c = out.camera;
-  c.width = w, c.height = h;
-  for (double* value : {&c.fx, &c.fy, &c.cx, &c.cy}) *value /= by;
-  out.rgba.reserve(4 * static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
-  const auto pixel = [&](int x, int y) {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.camera.width) + static_cast<std::size_t>(x);
-  };
-  const int block = by * by;
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) {
-      int sum[4] = {};
-      std::uint8_t known = 1;
-      for (int i = 0; i < block; ++i) {
-        const std::size_t at = pixel(by * x + i % by, by * y + i / by);
-        for (std::size_t c = 0; c < 4; ++c) sum[c] += picture.rgba[4 * at + c];
-        if (!picture.known.empty()) known = std::min(known, picture.known[at]);
-      }
-      for (const int value : sum) out.rgba.push_back(static_cast<std::uint8_t>((value + block / 2) / block));
-      if (!picture.known.empty()) out.known.push_back(known);
-    }
-  return out;
-}
-
 DeviceFitPicture upload(Context& ctx, const FitPicture& picture) {
   const long h = picture.camera.height, w = picture.camera.width;
   DeviceFitPicture out{picture.camera, ctx.upload({h, w, 4}, picture.rgba, Type::u8, "picture"), {}, picture.masked};

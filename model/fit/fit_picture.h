@@ -19,10 +19,6 @@ struct FitPicture {
   bool masked = false;              // whether alpha marks the object; otherwise alpha is 1 at every known pixel
 };
 
-// The picture at 1/`by` of its size, by area; columns and rows that are left over at the end are dropped. A pixel is
-// known if all of its pixels are.
-FitPicture reduced(const FitPicture& picture, int by);
-
 // A FitPicture in device memory.
 struct DeviceFitPicture {
   Camera camera;

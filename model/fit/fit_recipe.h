@@ -9,8 +9,6 @@ struct FitRecipe {
   long steps = 0;        // unless the request sets them
   long judge_every = 0;  // steps between measurements on the held-out views
   int least_degree = 0;  // lowest degree of the spherical harmonics
-  // Pictures are reduced to a quarter of their size before step `half_from`, then to half before step `full_from`.
-  long half_from = 0, full_from = 0;
 };
 
 // The length in pixels of pictures' longer sides, unless the request sets it.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/base/rng.h"
+#include "model/base/scene_edit.h"
 #include "model/fit/screen_size.h"
 #include "model/ops/fit/exposure.h"
 #include "model/ops/fit/picture_target.h"
@@ -403,17 +404,6 @@ void Fitter::restore(const FitTensors& state, long steps_done, long replaced_aft
   step_ = steps_done;
   replaced_after_ = replaced_after;
 }
-
-namespace {
-
-void append(Gaussians& to, const Gaussians& more) {
-  to.count += more.count;
-  for (std::vector<float> Gaussians::*kind :
-       {&Gaussians::means, &Gaussians::scales, &Gaussians::quats, &Gaussians::opacities, &Gaussians::sh})
-    (to.*kind).insert((to.*kind).end(), (more.*kind).begin(), (more.*kind).end());
-}
-
-}  // namespace
 
 Gaussians Fitter::foreground() {
   Gaussians g = download(ctx_, activate(ctx_, {}));

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "model/base/resample.h"
-#include "model/base/rng.h"
+#include "model/base/scene_edit.h"
 #include "model/fit/beside_cube.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_plan.h"
@@ -33,16 +33,6 @@ constexpr double kLastPhase = 1.25;                        // time reserved for 
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point begun) { return std::chrono::duration<double>(Clock::now() - begun).count(); }
-
-Gaussians with_degree(Gaussians g, int degree) {
-  if (degree == g.sh_degree) return g;
-  const std::size_t from = 3 * g.sh_count(), to = 3 * static_cast<std::size_t>((degree + 1) * (degree + 1));
-  std::vector<float> sh(g.count * to, 0.0f);
-  for (std::size_t k = 0; k < g.count; ++k) std::copy_n(&g.sh[k * from], std::min(from, to), &sh[k * to]);
-  g.sh = std::move(sh);
-  g.sh_degree = degree;
-  return g;
-}
 
 // `count` elements of `all`, evenly spread.
 std::vector<int> spread(const std::vector<int>& all, int count) {
@@ -113,7 +103,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   used = listed_views(p.set, request.names, Option::fit_views);
   if (request.consolidate > 0 && used.size() < kManyViews && !request.whole)
     fail(Status::usage, "a consolidation needs {} views or more, {} are used", kManyViews, used.size());
-  choose_background();
+  check_masks();
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
@@ -134,7 +124,6 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (from && !request.resume)
     fail(Status::usage, "{}: holds the state of a fit already; {} continues it, another folder begins again",
          fit_checkpoint_path(request.checkpoint), Option::fit_resume);
-  check_masks();
   if (!request.whole) warn_of_background();
   if (from)
     go_on(*from);
@@ -145,9 +134,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
 
 void SceneFit::Impl::warn_of_background() {
   std::vector<double> shares;
-  std::size_t unmasked = 0;
-  for (const int view : used)
-    if (!LoadedPhotograph(photographs, view).is_masked()) ++unmasked;
+  const std::size_t unmasked = used.size() - masked;
   if (unmasked == 0) return;
   for (const int view : spread(used, static_cast<int>(std::min(used.size(), kLookedAt))))
     shares.push_back(shown_beside_cube(*pictures.at(view), given.cube, measured_over(request.background)));
@@ -177,7 +164,8 @@ void SceneFit::Impl::begin_leg() {
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();
   const int degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
-  const Gaussians start = with_degree(std::move(scene.gaussians), degree);
+  set_degree(scene.gaussians, degree);
+  const Gaussians start = std::move(scene.gaussians);
   leg_steps = recipe.steps;
   if (in_folds() && request.steps > 0)
     recipe.judge_every = request.steps;  // measure only after the requested number of steps
@@ -265,8 +253,7 @@ bool SceneFit::Impl::step() {
     const int view = view_of_step(fitter->steps_done());
     if (fitter->steps_done() + 1 < leg_steps) {
       const int next = view_of_step(fitter->steps_done() + 1);
-      const int reduction = reduction_after(fitter->steps_done() + 1);
-      if (next != view && resident.count({next, reduction}) == 0) pictures.read_ahead(next);
+      if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
     }
     step_on(view);
     const double took = seconds_since(begun);
@@ -388,6 +375,8 @@ FitResult SceneFit::result() {
   Impl& i = *impl_;
   FitResult out;
   out.seconds = i.seconds;
+  out.in_turn = i.legs.size() > 1;
+  out.background = measured_over(i.request.background);
   out.judged = i.judged;
   out.suspects = i.suspects;
   out.start = out.result = out.over_sky = {std::nan(""), std::nan("")};
@@ -437,7 +426,7 @@ Image SceneFit::picture(int view) {
 }
 
 Camera SceneFit::camera(int view) {
-  const auto there = impl_->resident.find({view, 1});
+  const auto there = impl_->resident.find(view);
   Camera camera = there != impl_->resident.end() ? there->second.camera : impl_->pictures.at(view)->camera;
   if (const auto pose = impl_->poses.find(view); pose != impl_->poses.end()) camera.w2c = pose->second.w2c();
   return to_frame(camera, impl_->to_world.inverse());

@@ -79,7 +79,9 @@ struct FitResult {
   long steps = 0;
   double seconds = 0;
   bool start_returned = false;
-  std::vector<int> judged;  // the held-out views
+  bool in_turn = false;               // with few views, each of `judged` was left out in turn
+  std::array<float, 3> background{};  // that pictures are measured over
+  std::vector<int> judged;            // the held-out views
   // Means over `judged`. If the start is returned, `result` belongs to the best scene of the fit.
   FitScore start, result;
   // With a sky: how good the result was over the sky itself, where `result` is of the Gaussians that it became. NaN if

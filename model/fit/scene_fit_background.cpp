@@ -13,19 +13,11 @@ constexpr std::size_t kMasksSampled = 8;  // masks sampled to represent all
 
 }  // namespace
 
-// Sets what FitBackground::Kind::automatic stands for, of a whole scene. A fixed colour would take the place of
-// Gaussians where few pictures look (bench/results/README.md).
-void SceneFit::Impl::choose_background() {
-  if (!request.whole || request.background.kind != FitBackground::Kind::automatic) return;
-  const bool masked = std::any_of(used.begin(), used.end(),
-                                  [this](int view) { return LoadedPhotograph(photographs, view).is_masked(); });
-  request.background.kind = masked ? FitBackground::Kind::random : FitBackground::Kind::sky;
-}
-
-// Refuses what masks make impossible, and warns if little of the pictures takes part.
+// Counts masks, chooses the background of a whole scene that has none, refuses what masks make impossible, and warns if
+// little of the pictures takes part.
 void SceneFit::Impl::check_masks() {
   const bool ignored = photographs.masks == MaskUse::ignore;
-  std::size_t masked = 0, listed = 0;
+  std::size_t listed = 0;
   for (const int view : used) {
     if (photographs.set.views[static_cast<std::size_t>(view)].mask) ++listed;
     if (LoadedPhotograph(photographs, view).is_masked()) ++masked;
@@ -33,6 +25,9 @@ void SceneFit::Impl::check_masks() {
   if (listed == 0 && (ignored || photographs.invert_masks))
     fail(Status::usage, "{}: none of the {} pictures has a mask", ignored ? Option::masks : Option::invert_masks,
          used.size());
+  // A fixed colour would take the place of Gaussians where few pictures look (bench/results/README.md).
+  if (request.whole && request.background.kind == FitBackground::Kind::automatic)
+    request.background.kind = masked > 0 ? FitBackground::Kind::random : FitBackground::Kind::sky;
   if (masked > 0 && request.background.kind == FitBackground::Kind::sky)
     fail(Status::usage,
          "{} is sky: {} of the {} pictures have a mask or alpha that marks an object, and show no sky around it. Masks "

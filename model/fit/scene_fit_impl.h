@@ -45,22 +45,17 @@ struct SceneFit::Impl {
   void end_leg();
   void judge();
   Judged measure_held_out();
-  void reduce(const std::function<std::vector<std::size_t>(const std::vector<float>&)>& keep, long at);
-  Gaussians without_sky(const Gaussians& scene) const;
+  void reduce(const std::function<std::vector<bool>(const std::vector<float>&)>& choose, long at);
   void prune();
   void consolidate();
   bool is_consolidated() const;
   long consolidation_steps() const;  // 0 without consolidation
   bool consolidates_now() const;
-  // The factor for the step after `step` steps.
-  int reduction_after(long step) const;
-  const DeviceFitPicture& on_device(int view, int reduction = 1);
-  DeviceFitPicture corrected(int view, int reduction = 1);
-  void drop_reduced();
+  const DeviceFitPicture& on_device(int view);
+  DeviceFitPicture corrected(int view);
   void step_on(int view);
   int view_of_step(long step) const;
   void warn_of_background();
-  void choose_background();
   void check_masks();
   SkySphere sky_sphere() const;
   FitScore score_written();  // of `best` on the held-out pictures of the current phase
@@ -86,6 +81,7 @@ struct SceneFit::Impl {
   Similarity to_world;
   FitPictures pictures;
   std::vector<int> used;
+  std::size_t masked = 0;  // of the used views, those with a mask or alpha that marks an object
 
   std::vector<Leg> legs;  // the last phase makes the result; each one before it leaves one view out
   std::size_t leg = 0;
@@ -97,7 +93,7 @@ struct SceneFit::Impl {
   std::vector<int> judged;
   std::map<int, PoseCorrection> poses;  // of the current phase, if requested
   std::map<int, ExposureCorrection> exposures;
-  std::map<std::pair<int, int>, DeviceFitPicture> resident;  // by view and reduction
+  std::map<int, DeviceFitPicture> resident;
   DeviceFitPicture passing;
   std::size_t resident_bytes = 0, spare_bytes = 0;  // device memory
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "model/base/scene_edit.h"
 #include "model/fit/scene_fit_impl.h"
 #include "runtime/log.h"
 
@@ -14,49 +15,27 @@ namespace {
 constexpr float kLeastWeight = 0.2f;
 constexpr long kConsolidationSteps = 300;
 
-Gaussians rows_of(const Gaussians& all, const std::vector<std::size_t>& rows) {
-  Gaussians out;
-  out.sh_degree = all.sh_degree;
-  out.count = rows.size();
-  const auto append = [&](std::vector<float>& to, const std::vector<float>& from, std::size_t each) {
-    for (const std::size_t k : rows)
-      to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(each * k),
-                from.begin() + static_cast<std::ptrdiff_t>(each * (k + 1)));
-  };
-  append(out.means, all.means, 3);
-  append(out.scales, all.scales, 3);
-  append(out.quats, all.quats, 4);
-  append(out.opacities, all.opacities, 1);
-  append(out.sh, all.sh, 3 * all.sh_count());
-  return out;
-}
-
 }  // namespace
-
-Gaussians SceneFit::Impl::without_sky(const Gaussians& scene) const {
-  std::vector<std::size_t> rows(scene.count -
-                                (request.background.kind == FitBackground::Kind::sky ? kSkyGaussians : 0));
-  std::iota(rows.begin(), rows.end(), std::size_t{0});
-  return rows_of(scene, rows);
-}
 
 bool SceneFit::Impl::is_consolidated() const { return consolidated_after > 0; }
 long SceneFit::Impl::consolidation_steps() const { return request.consolidate > 0 ? kConsolidationSteps : 0; }
 
-// Continues with the Gaussians of `unreduced` whose blending weights `keep` accepts, and measures them as the scene
-// after `at` steps. The best scene stays as it is if `keep` accepts none.
-void SceneFit::Impl::reduce(const std::function<std::vector<std::size_t>(const std::vector<float>&)>& keep, long at) {
+// Continues with the Gaussians of `unreduced` that `choose` marks by their blending weights, and measures them as the
+// scene after `at` steps. The best scene stays as it is if none is marked.
+void SceneFit::Impl::reduce(const std::function<std::vector<bool>(const std::vector<float>&)>& choose, long at) {
   if (unreduced->count == 0) return unreduced.reset();
   fitter->replace(*unreduced);
   const Tensor sums = ctx.tensor({fitter->count()}, Type::f32, "blending weights");
   ctx.fill_zero(sums);
   for (const int view : legs[leg].views) fitter->add_weights(corrected(view), sums);
-  const std::vector<std::size_t> kept = keep(ctx.read<float>(sums));
-  if (kept.empty()) return unreduced.reset();
-  fitter->replace(rows_of(*unreduced, kept));
+  const std::vector<bool> stays = choose(ctx.read<float>(sums));
+  Gaussians kept = *unreduced;
+  keep(kept, [&](std::size_t k) { return stays[k]; });
+  if (kept.count == 0) return unreduced.reset();
+  fitter->replace(kept);
   const Judged here = measure_held_out();
   const Uncancelled whole(ctx);
-  verbose("{} of {} Gaussians stay", kept.size(), unreduced->count);
+  verbose("{} of {} Gaussians stay", kept.count, unreduced->count);
   unreduced.reset();
   best.reset();
   best_steps = 0;
@@ -81,9 +60,9 @@ void SceneFit::Impl::consolidate() {
         std::iota(order.begin(), order.end(), std::size_t{0});
         std::stable_sort(order.begin(), order.end(),
                          [&](std::size_t a, std::size_t b) { return weights[a] > weights[b]; });
-        order.resize(std::min(order.size(), wanted));
-        std::sort(order.begin(), order.end());
-        return order;
+        std::vector<bool> out(weights.size(), false);
+        for (std::size_t i = 0; i < std::min(order.size(), wanted); ++i) out[order[i]] = true;
+        return out;
       },
       at);
   consolidated_after = at;
@@ -91,16 +70,26 @@ void SceneFit::Impl::consolidate() {
 
 void SceneFit::Impl::prune() {
   if (pruned || recipe.options.grow_every == 0 || !best) return;
-  if (!unreduced) unreduced = without_sky(*best);
+  // A best scene ends with the sky of its step, which is kept: the fitter has that of the last step.
+  const std::size_t sky_count = request.background.kind == FitBackground::Kind::sky ? kSkyGaussians : 0;
+  const auto in_front = [sky_count](const Gaussians& g) {
+    return [front = g.count - sky_count](std::size_t k) { return k < front; };
+  };
+  Gaussians sky = *best;
+  keep(sky, std::not_fn(in_front(*best)));
+  if (!unreduced) keep(unreduced.emplace(*best), in_front(*best));
   const long at = best_steps;
   reduce(
       [](const std::vector<float>& weights) {
-        std::vector<std::size_t> out;
-        for (std::size_t k = 0; k < weights.size(); ++k)
-          if (weights[k] >= kLeastWeight) out.push_back(k);
+        std::vector<bool> out;
+        for (const float weight : weights) out.push_back(weight >= kLeastWeight);
         return out;
       },
       at);
+  if (best) {
+    keep(*best, in_front(*best));
+    append(*best, sky);
+  }
   pruned = true;
 }
 

@@ -1,4 +1,4 @@
-// One step of a fit: which picture it takes, at which size, and what is learnt from it.
+// One step of a fit: which picture it takes, and what is learnt from it.
 #include <array>
 #include <cmath>
 #include <memory>
@@ -13,53 +13,32 @@ constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;  // Adam learning rates
 
 }  // namespace
 
-// The factor by which pictures are reduced: coarse first, then fine.
-int SceneFit::Impl::reduction_after(long step) const {
-  return step < recipe.half_from ? 4 : step < recipe.full_from ? 2 : 1;
-}
-
-const DeviceFitPicture& SceneFit::Impl::on_device(int view, int reduction) {
-  const auto there = resident.find({view, reduction});
+const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
+  const auto there = resident.find(view);
   if (there != resident.end()) return there->second;
-  std::shared_ptr<const FitPicture> picture = pictures.at(view);
-  if (reduction > 1) picture = std::make_shared<const FitPicture>(reduced(*picture, reduction));
+  const std::shared_ptr<const FitPicture> picture = pictures.at(view);
   const std::size_t bytes = picture->rgba.size() + picture->known.size();
   if (resident_bytes + bytes > spare_bytes / 2) {
     passing = {};
     passing = upload(ctx, *picture);
     return passing;
   }
-  DeviceFitPicture& out = resident.emplace(std::pair(view, reduction), upload(ctx, *picture)).first->second;
+  DeviceFitPicture& out = resident.emplace(view, upload(ctx, *picture)).first->second;
   resident_bytes += bytes;
-  if (!in_folds() && reduction == 1) pictures.forget(view);
+  if (!in_folds()) pictures.forget(view);
   return out;
 }
 
 // The picture on the device, with its learnt pose correction.
-DeviceFitPicture SceneFit::Impl::corrected(int view, int reduction) {
-  DeviceFitPicture out = on_device(view, reduction);
+DeviceFitPicture SceneFit::Impl::corrected(int view) {
+  DeviceFitPicture out = on_device(view);
   if (const auto pose = poses.find(view); pose != poses.end()) out.camera.w2c = pose->second.w2c();
   return out;
 }
 
-// Frees the reduced pictures.
-void SceneFit::Impl::drop_reduced() {
-  for (auto each = resident.begin(); each != resident.end();) {
-    if (each->first.second > 1) {
-      resident_bytes -= each->second.given.bytes() + (each->second.known ? each->second.known.bytes() : 0);
-      each = resident.erase(each);
-    } else {
-      ++each;
-    }
-  }
-}
-
 // One step of the scene, and of the view's pose and exposure corrections.
 void SceneFit::Impl::step_on(int view) {
-  const long done = fitter->steps_done();
-  const int reduction = reduction_after(done);
-  if (done > 0 && reduction < reduction_after(done - 1)) drop_reduced();
-  const DeviceFitPicture picture = corrected(view, reduction);
+  const DeviceFitPicture picture = corrected(view);
   const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(leg_steps));
   std::array<double, 6> dpose{};
   FitAside aside;

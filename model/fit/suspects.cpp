@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/base/statistics.h"
+
 namespace vsplat {
 namespace {
 
@@ -10,12 +12,6 @@ constexpr double kLeastGap = 4;  // dB
 constexpr double kDeviations = 4;
 constexpr double kNormal = 1.4826;  // standard deviation of a normal distribution per median absolute deviation
 constexpr std::size_t kLeastCount = 5;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

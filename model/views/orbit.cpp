@@ -115,13 +115,10 @@ std::vector<Ball> visible_balls(const Gaussians& g) {
 constexpr double far_off = 10;  // times the median distance from the middle
 
 Vector3d median_of(const std::vector<Ball>& balls) {
-  Vector3d middle;
-  for (int axis = 0; axis < 3; ++axis) {
-    std::vector<double> values;
-    for (const Ball& b : balls) values.push_back(b.mean[axis]);
-    middle[axis] = median(std::move(values));
-  }
-  return middle;
+  std::vector<Vector3d> means;
+  means.reserve(balls.size());
+  for (const Ball& b : balls) means.push_back(b.mean);
+  return median(means);
 }
 
 // Removes a sky, as a fit writes it: a sphere of most of the balls, far around the others. One of fewer balls counts as

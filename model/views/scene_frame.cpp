@@ -28,16 +28,6 @@ std::vector<double> depths_of(std::span<const Camera> cameras, std::span<const C
   return out;
 }
 
-Vector3d median_of(const std::vector<Vector3d>& places) {
-  Vector3d out;
-  std::vector<double> values(places.size());
-  for (int axis = 0; axis < 3; ++axis) {
-    for (std::size_t i = 0; i < places.size(); ++i) values[i] = places[i][axis];
-    out[axis] = median(values);
-  }
-  return out;
-}
-
 }  // namespace
 
 SceneFrame scene_frame(std::span<const Camera> cameras, std::span<const ColoredPoint> points) {
@@ -49,7 +39,7 @@ SceneFrame scene_frame(std::span<const Camera> cameras, std::span<const ColoredP
     mean += (places.back() - places.front()) / static_cast<double>(cameras.size());
   }
   mean += places.front();
-  const Vector3d middle = median_of(places);
+  const Vector3d middle = median(places);
   std::vector<double> distances;
   distances.reserve(places.size());
   for (const Vector3d& place : places) distances.push_back((place - middle).norm());

@@ -64,6 +64,12 @@ class FitScene(support.Case):
         self.assertIn(f"starts from {NEAR_BALL + WALL} points", err)
         self.assertGreater(listed["result"]["psnr"], without["result"]["psnr"])
 
+    def test_with_few_pictures_some_are_held_out_for_the_whole_fit(self):
+        self.write_list("few.json", {**self.list, "frames": self.list["frames"][::2]})
+        said = self.succeeds(*self.fit(views="few.json", steps=5))[1]
+        self.assertIn("1 picture that it was not fitted to:", said)
+        self.assertNotIn("in turn", said)
+
     def test_a_near_plane_that_cuts_points_is_warned_of(self):
         self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
         _, err = self.succeeds(*self.fit("--near", 4, views="listed.json", steps=1))

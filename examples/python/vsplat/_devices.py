@@ -95,30 +95,32 @@ class Device(_Handle):
         told.call("reconstruct", self, _given(model, Model, "model"), _given(views, Input, "views"), c.byref(options), c.byref(handle))
         return Scene(handle)
 
-    def fit(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
+    def fit(self, views: Views, start: Scene | Model | None = None, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
                poses: bool = False, exposure: bool = False, antialias: bool = False, seed: int = 0, progress: Progress | None = None,
                strategy: str = "mcmc", consolidate: float = 0.0, background: Sequence[float] | str = "auto", masks: str = "object",
-               invert_masks: bool = False) -> Scene:
+               invert_masks: bool = False, extent: str = "object", quality: str = "draft", near_plane: float = 0.0) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
-        or the model that makes one from the views; `antialias`: fits it for drawing at any size; `steps`, `max_gaussians`: 0: by the
+        the model that makes one from the views, or None: their sparse points, or random ones; `extent`: "object", "scene" for all that
+        the pictures show, or "auto"; `quality`: "draft", "normal" or "high", for steps and size; `near_plane`: 0: the start's; `antialias`: fits it for drawing at any size; `steps`, `max_gaussians`: 0: by the
         number of views; `seconds`: 0: no limit; `longest`: longer side of the pictures in pixels (0: unscaled); `strategy`: "mcmc" adds
         Gaussians where opaque ones are, "error" splits those that cover the pictures' errors; `consolidate`: share of the Gaussians that stays
         at the end. `background`, where transmittance is left: "auto", a colour (three numbers from 0 to 1), "random" or "sky"; `masks`,
         what is outside them: "object" (nothing) or "ignore" (takes no part). An exception in `progress` ends the fit; if it returns
         False, the result is the best scene so far."""
-        if not isinstance(start, Scene):
+        if start is not None and not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")
-        if strategy not in ("mcmc", "error"):
-            raise UsageError(f"strategy is {strategy!r}: mcmc or error expected")
-        options = _FitOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
+        options = _FitOptions(start=4 if start is None else 0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
                                  max_gaussians=max_gaussians, poses=poses, exposure=exposure, antialias=antialias, seed=seed,
-                                 density=1 if strategy == "error" else 0, consolidate=consolidate)
+                                 density=_choice(strategy, "strategy", ("mcmc", "error")), consolidate=consolidate,
+                                 extent=_choice(extent, "extent", ("object", "scene", "auto")),
+                                 quality=_choice(quality, "quality", ("draft", "normal", "high")), near_plane=near_plane)
         plain = not isinstance(background, str)
         options.background = 1 if plain else (0, 2, 3)[_choice(background, "background", ("auto", "random", "sky"))]
         if plain:
             options.background_colour = _numbers(background, c.c_float, 3, "background")
         options.masks, options.invert_masks = _choice(masks, "masks", ("object", "ignore")), invert_masks
-        setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
+        if start is not None:
+            setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
         handle = c.c_void_p()
         _call("fit_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))
         try:

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/base/statistics.h"
 #include "model/diagnose/tune/check_chosen.h"
 #include "model/diagnose/tune/tried_table.h"
 #include "model/diagnose/tune/tune_case.h"
@@ -24,12 +25,6 @@ constexpr int kMostRounds = 15;
 constexpr double kHopeless = 2.0;  // factor on the best time: beyond it one timing is enough
 
 double now_s() { return static_cast<double>(now_ns()) * 1e-9; }
-
-double median(std::vector<double> times) {
-  const auto middle = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
-  std::nth_element(times.begin(), middle, times.end());
-  return *middle;
-}
 
 // A set that is ready to run.
 struct Runner {

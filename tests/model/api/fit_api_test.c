@@ -77,6 +77,7 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   HOLD(more == 0);
   EXPECT(VSPLAT_OK, vsplat_fit_get_result(fit, &result));
   HOLD(result.returned == 0 && result.num_held_out == 1 && result.claimed == 0);
+  HOLD(result.in_turn == 0 && result.background[0] == 1 && result.background[2] == 1);
   HOLD(result.result_psnr > result.start_psnr + 3);
   EXPECT(VSPLAT_OK, vsplat_fit_get_views(fit, VSPLAT_FIT_USED, NULL, 0, &n));
   HOLD(n == views);

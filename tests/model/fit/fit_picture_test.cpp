@@ -18,28 +18,6 @@ FitPicture picture(int width, int height) {
   return out;
 }
 
-TEST(FitPicture, ReducedPixelsAreMeansOverBlocks) {
-  const FitPicture small = reduced(picture(4, 2), 2);
-  EXPECT_EQ(small.camera.width, 2);
-  EXPECT_EQ(small.camera.height, 1);
-  EXPECT_EQ(small.camera.fx, 5);
-  EXPECT_EQ(small.camera.cy, 2);
-  EXPECT_TRUE(small.masked);
-  // Pixels 0 1 4 5, then 2 3 6 7.
-  EXPECT_EQ(small.rgba, (std::vector<std::uint8_t>{3, 4, 5, 6, 5, 6, 7, 8}));
-  EXPECT_EQ(small.known, (std::vector<std::uint8_t>{1, 0}));
-}
-
-TEST(FitPicture, WhatIsLeftOverIsDropped) {
-  for (const auto& [w, h] : {std::pair(7, 5), std::pair(4, 4), std::pair(3, 9)}) {
-    const FitPicture small = reduced(picture(w, h), 4);
-    EXPECT_EQ(small.camera.width, w / 4);
-    EXPECT_EQ(small.camera.height, h / 4);
-    EXPECT_EQ(small.rgba.size(), static_cast<std::size_t>(4 * (w / 4) * (h / 4)));
-    EXPECT_EQ(small.known.size(), static_cast<std::size_t>((w / 4) * (h / 4)));
-  }
-}
-
 // Against a count of the definition.
 TEST(FitPicture, WindowsAreKnownWhereAPixelIs) {
   for (const int of : {1, 40, 150, 400, 5000}) {

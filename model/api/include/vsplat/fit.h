@@ -7,8 +7,11 @@
    each view is left out in turn to find the number of steps, and finally all views are fitted for that many steps.
    Each of these rounds ends when its measure has fallen twice in a row, and only steps that all rounds have measured
    count. With `seconds`, rounds end early or are not begun, so that time is left to fit all views; only the views left
-   out until then are measured. Equal device, input and options give equal bits (except with `seconds`, which makes the number of steps
-   depend on the clock). */
+   out until then are measured. Equal device, input and options give equal bits (except with `seconds`, which makes the
+   number of steps depend on the clock).
+
+   A whole scene is different: with five views or more, every eighth is held out, with fewer none, and the result is what
+   the last step made. */
 #ifndef VSPLAT_FIT_H
 #define VSPLAT_FIT_H
 
@@ -50,7 +53,8 @@ typedef enum vsplat_fit_extent {
 } vsplat_fit_extent;
 
 typedef enum vsplat_holdout {
-  VSPLAT_HOLDOUT_AUTO = 0,  /* with 12 views or more, every eighth; with fewer, each is left out in turn */
+  VSPLAT_HOLDOUT_AUTO = 0,  /* with 12 views or more, every eighth; with fewer, each is left out in turn. Of a whole
+                               scene every eighth of five views or more */
   VSPLAT_HOLDOUT_NONE = 1,  /* none: nothing is measured, and the result may be worse than the start */
   VSPLAT_HOLDOUT_COUNT = 2, /* `holdout_count` views, evenly spread over the list */
   VSPLAT_HOLDOUT_NAMES = 3  /* the views named in `holdout_names` */
@@ -80,7 +84,7 @@ typedef enum vsplat_background {
   VSPLAT_BACKGROUND_RANDOM = 2, /* a random colour in every step, which leaves no holes; measured over black */
   VSPLAT_BACKGROUND_SKY = 3     /* a sky that is fitted, too: spherical harmonics of degree 4 over directions. In the
                                    scene it is a sphere of 10,000 Gaussians about the cameras' mean, with a radius of
-                                   100 edges of the cube, and the result is measured with those over black. The start
+                                   100 edges of the cube, or units of a whole scene, and the result is measured with those over black. The start
                                    is measured before mid grey. Not for pictures whose mask or alpha marks an object */
 } vsplat_background;
 
@@ -141,11 +145,12 @@ typedef struct vsplat_fit_options {
   vsplat_fit_extent extent;
   vsplat_fit_quality quality;
   int32_t antialias; /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
-                             vsplat_scene_info.antialias; a start that has it is always fitted so */
+                        vsplat_scene_info.antialias; a start that has it is always fitted so */
   vsplat_density density;
-  double consolidate; /* 0: none. Above 0 and below 1, for 12 views or more: the share of the Gaussians that stays after
-                         the steps, those with the most visible pixels in the fitted pictures; 300 more steps follow.
-                         If the fit is stopped before, every Gaussian stays */
+  /* 0: none. Above 0 and below 1, for 12 views or more, or a whole scene: the share of the Gaussians that stays after
+     the steps, those with the most visible pixels in the fitted pictures; 300 more steps follow. If the fit is stopped
+     before, every Gaussian stays. */
+  double consolidate;
   vsplat_background background;
   float background_colour[3]; /* red, green, blue in [0,1]; for VSPLAT_BACKGROUND_COLOUR */
   vsplat_masks masks;
@@ -198,9 +203,11 @@ typedef struct vsplat_fit_result {
   int32_t num_outliers;            /* number of outliers: pictures that disagree with the others */
   double sky_psnr, sky_ssim; /* with VSPLAT_BACKGROUND_SKY and views held out for the whole fit: those of the result
                                 before its sky became Gaussians; else NaN */
+  float background[3];       /* that pictures are measured over */
+  int32_t in_turn;           /* 1: with few views, each of the held-out views was left out in turn */
 } vsplat_fit_result;
 #define VSPLAT_FIT_RESULT_INIT \
-  { sizeof(vsplat_fit_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0 }
+  { sizeof(vsplat_fit_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, {0, 0, 0}, 0 }
 
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_result);
 
@@ -216,8 +223,8 @@ typedef enum vsplat_fit_views {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_views(vsplat_fit fit, vsplat_fit_views which,
                                                                int32_t* out_views, size_t capacity, size_t* out_count);
 /* View `index` of the list as it is fitted or measured: its camera (a pinhole, scaled with the picture, in the world,
-   corrected if `poses` is 1), and its picture over the background, float [height][width][3], into the caller's memory of
-   `capacity` floats. `out_camera` and `out_pixels` may be NULL. */
+   corrected if `poses` is 1), and its picture over the background, float [height][width][3], into the caller's memory
+   of `capacity` floats. `out_camera` and `out_pixels` may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_view(vsplat_fit fit, size_t index, vsplat_camera* out_camera,
                                                               float* out_pixels, size_t capacity);
 
