@@ -116,6 +116,7 @@ vsplat_status vsplat_compare(const float* pixels, const float* reference, int32_
     vsplat_comparison found = VSPLAT_COMPARISON_INIT;
     found.psnr = psnr(a, b);
     found.ssim = ssim(a, b);
+    found.psnr_cc = psnr_cc(a, b);
     give(out_comparison, found, "out_comparison");
     if (!out_difference) return;
     const Image difference = absolute_difference(a, b);

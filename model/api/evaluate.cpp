@@ -7,13 +7,17 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "model/api/cameras.h"
 #include "model/api/dataset.h"
 #include "model/api/device.h"
+#include "model/api/drawing.h"
 #include "model/api/input.h"
 #include "model/api/model.h"
+#include "model/api/scene.h"
 #include "model/api/selected.h"
 #include "model/api/share.h"
 #include "model/evaluate/model_check.h"
+#include "model/evaluate/scene_measure.h"
 #include "model/io/picture/image_file.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
@@ -176,6 +180,83 @@ vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const c
     need(path, "path");
     if (evaluation->evaluation.sheet.empty()) fail(Status::usage, "this evaluation was made without a sheet");
     write_png(path, evaluation->evaluation.sheet);
+  });
+}
+
+namespace {
+
+std::vector<int> measured_views(const ViewSet& set, const vsplat_measure_options& o) {
+  if (o.views) {
+    need_array(o.views, o.num_views, "options.views");
+    if (o.num_views == 0) fail(Status::usage, "options.num_views is 0: there is nothing to compare");
+    for (std::size_t i = 0; i < o.num_views; ++i)
+      if (o.views[i] < 0 || static_cast<std::size_t>(o.views[i]) >= set.views.size())
+        fail(Status::usage, "options.views[{}] is {}: there are views 0 to {}", i, o.views[i], set.views.size() - 1);
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < o.num_views; ++i) names.push_back(fmt::format("@{}", o.views[i]));
+    return listed_views(set, names, Option::views);  // which refuses those without a picture
+  }
+  if (o.cameras) fail(Status::usage, "options.cameras needs options.views");
+  return listed_views(set, {}, Option::views);
+}
+
+vsplat_measured measured(const PictureScores& scores, int view) {
+  vsplat_measured out = VSPLAT_MEASURED_INIT;
+  out.view = view;
+  out.psnr = scores.psnr, out.psnr_cc = scores.psnr_cc, out.ssim = scores.ssim;
+  out.lpips_alex = scores.lpips_alex, out.lpips_vgg = scores.lpips_vgg;
+  return out;
+}
+
+// Where view `i` of the request is drawn from.
+Camera drawn_from(const vsplat_measure_options& o, std::size_t i, const ComparedPhotograph& given) {
+  if (!o.cameras) return given.camera;
+  const Camera out = camera_of(o.cameras[i], fmt::format("options.cameras[{}]", i).c_str());
+  if (out.width != given.camera.width || out.height != given.camera.height)
+    fail(Status::usage, "options.cameras[{}] is of {} x {} pixels, the photograph of {} x {}", i, out.width, out.height,
+         given.camera.width, given.camera.height);
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene, vsplat_views views,
+                                   const vsplat_measure_options* options, vsplat_measured* out_mean) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(scene, "scene");
+    need(views, "views");
+    need_room(out_mean, "out_mean");
+    const vsplat_measure_options o = taken(options, VSPLAT_MEASURE_OPTIONS_INIT, "options");
+    if (o.longest < 0) fail(Status::usage, "options.longest is {}: 0, or a number of pixels expected", o.longest);
+    Photographs photographs = views->photographs;
+    photographs.masks = masks_of(o.masks);
+    photographs.invert_masks = o.invert_masks != 0;
+    const std::shared_ptr<const Scene> drawn_scene = scene->now();
+    vsplat_render_options render = VSPLAT_RENDER_OPTIONS_INIT;
+    std::copy_n(o.background, 3, render.background);
+    (void)options_of(render, *drawn_scene);  // checks the background
+    const std::vector<int> wanted = measured_views(photographs.set, o);
+    const std::vector<Lpips> nets = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
+    std::vector<const Lpips*> lpips;
+    for (const Lpips& net : nets) lpips.push_back(&net);
+    std::vector<PictureScores> all;
+    for (std::size_t i = 0; i < wanted.size(); ++i) {
+      const ComparedPhotograph given =
+          compared_photograph(photographs, wanted[i], o.longest, {o.background[0], o.background[1], o.background[2]});
+      const Camera camera = in_frame(*drawn_scene, drawn_from(o, i, given));
+      const RenderOptions how = drawn_as(render, *drawn_scene, camera);
+      Image drawn =
+          render_picture(device->context, on_device(device, drawn_scene, drawn_pixels(camera, how)), camera, how)
+              .colour;
+      all.push_back(compare_drawing(device->context, drawn, given, lpips));
+      vsplat_measured told = measured(all.back(), wanted[i]);
+      told.width = drawn.width, told.height = drawn.height;
+      told.drawn = drawn.data.data(), told.given = given.picture.data.data();
+      if (o.on_picture && !o.on_picture(o.user, &told))
+        fail(Status::cancelled, "stopped after {} of {} pictures", i + 1, wanted.size());
+    }
+    give(out_mean, measured(mean_of(all), -1), "out_mean");
   });
 }
 

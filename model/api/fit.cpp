@@ -110,16 +110,6 @@ FitBackground background_of(const vsplat_fit_options& o) {
   fail(Status::usage, "options.background is {}, not a value of vsplat_background", value_of(o.background));
 }
 
-MaskUse masks_of(const vsplat_masks& masks) {
-  switch (value_of(masks)) {
-    case VSPLAT_MASKS_OBJECT:
-      return MaskUse::object;
-    case VSPLAT_MASKS_IGNORE:
-      return MaskUse::ignore;
-  }
-  fail(Status::usage, "options.masks is {}, not a value of vsplat_masks", value_of(masks));
-}
-
 FitRequest request_of(const vsplat_fit_options& o) {
   FitRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
@@ -215,6 +205,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
+    device->context.memory().reset_peak();
     FitSource from = fit_source(device, made->photographs, o, made->used, request.longest);
     made->independent = from.start.independent;
     made->selected = from.selected;
@@ -291,7 +282,17 @@ vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_resul
     out.sky_ssim = r.over_sky.ssim;
     std::copy(r.background.begin(), r.background.end(), out.background);
     out.in_turn = r.in_turn ? 1 : 0;
+    out.peak = fit->device.get()->context.memory().peak();
     give(out_result, out, "out_result");
+  });
+}
+
+vsplat_status vsplat_fit_get_settings(vsplat_fit fit, char** out_text) {
+  return guarded([&] {
+    const SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
+    need(out_text, "out_text");
+    *out_text = new_text(scene_fit.settings());
   });
 }
 

@@ -217,6 +217,16 @@ Crop vsplat::api::crop_of(const vsplat_crop& crop) {
   fail(Status::usage, "options.crop is {}, not a value of vsplat_crop", value_of(crop));
 }
 
+MaskUse vsplat::api::masks_of(const vsplat_masks& masks) {
+  switch (value_of(masks)) {
+    case VSPLAT_MASKS_OBJECT:
+      return MaskUse::object;
+    case VSPLAT_MASKS_IGNORE:
+      return MaskUse::ignore;
+  }
+  fail(Status::usage, "options.masks is {}, not a value of vsplat_masks", value_of(masks));
+}
+
 std::vector<std::string> vsplat::api::names_of(const char* const* names, size_t count, const std::string& what) {
   need_array(names, count, what.c_str());
   std::vector<std::string> out;

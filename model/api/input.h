@@ -10,6 +10,7 @@ namespace vsplat::api {
 
 // What options structs share. Error(usage) for invalid values.
 Crop crop_of(const vsplat_crop& crop);
+MaskUse masks_of(const vsplat_masks& masks);
 std::vector<std::string> names_of(const char* const* names, std::size_t count, const std::string& what);
 PlacementRequest placement_of(bool has_centre, const double (&centre)[3], double edge, bool auto_frame);
 InputRequest request_of(const vsplat_input_options& options);

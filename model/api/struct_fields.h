@@ -40,6 +40,7 @@ VSPLAT_LONG_FIELDS(vsplat_evaluate_options, VSPLAT_LONG_FIELD(vsplat_evaluate_op
 VSPLAT_LONG_FIELDS(vsplat_input_info, VSPLAT_LONG_FIELD(vsplat_input_info, center),
                    VSPLAT_LONG_FIELD(vsplat_input_info, up))
 VSPLAT_LONG_FIELDS(vsplat_input_options, VSPLAT_LONG_FIELD(vsplat_input_options, center))
+VSPLAT_LONG_FIELDS(vsplat_measure_options, VSPLAT_LONG_FIELD(vsplat_measure_options, background))
 VSPLAT_LONG_FIELDS(vsplat_orbit_options, VSPLAT_LONG_FIELD(vsplat_orbit_options, up))
 VSPLAT_LONG_FIELDS(vsplat_plan, VSPLAT_LONG_FIELD(vsplat_plan, stages))
 VSPLAT_LONG_FIELDS(vsplat_profile_row, VSPLAT_LONG_FIELD(vsplat_profile_row, kernel),

@@ -31,10 +31,10 @@ nlohmann::ordered_json json_number(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
 }
 
-std::string line_text(const std::string& name, double psnr, double ssim, const std::string& file) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%-8s %9s %8s  ", name.c_str(), number_text(psnr, 3).c_str(),
-                number_text(ssim, 5).c_str());
+std::string line_text(const std::string& name, double psnr, double psnr_cc, double ssim, const std::string& file) {
+  char text[80];
+  std::snprintf(text, sizeof text, "%-8s %9s %9s %8s  ", name.c_str(), number_text(psnr, 3).c_str(),
+                number_text(psnr_cc, 3).c_str(), number_text(ssim, 5).c_str());
   const std::string line = text + file;
   return line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
 }
@@ -137,7 +137,7 @@ void Comparison::compare(std::size_t index, const vsplat::Picture& drawn, const 
   if (!differences_.empty()) difference.colour.resize(given.size());
   vsplat::check(vsplat_compare(drawn.colour.data(), given.data(), drawn.width, drawn.height, &found,
                                differences_.empty() ? nullptr : difference.colour.data()));
-  rows_.push_back({index, files_[index], found.psnr, found.ssim});
+  rows_.push_back({index, files_[index], found.psnr, found.psnr_cc, found.ssim});
   if (differences_.empty()) return;
   difference.width = drawn.width;
   difference.height = drawn.height;
@@ -150,18 +150,19 @@ Comparison::Row Comparison::mean() const {
   Row out;
   for (const Row& row : rows_) {
     out.psnr += row.psnr / static_cast<double>(rows_.size());
+    out.psnr_cc += row.psnr_cc / static_cast<double>(rows_.size());
     out.ssim += row.ssim / static_cast<double>(rows_.size());
   }
   return out;
 }
 
 std::string Comparison::table() const {
-  char head[64];
-  std::snprintf(head, sizeof head, "%-8s %9s %8s  ", "picture", "PSNR, dB", "SSIM");
+  char head[80];
+  std::snprintf(head, sizeof head, "%-8s %9s %9s %8s  ", "picture", "PSNR, dB", "psnr_cc", "SSIM");
   std::string out = head + std::string("against\n");
-  for (const Row& row : rows_) out += line_text(index_text(row.index), row.psnr, row.ssim, row.file);
+  for (const Row& row : rows_) out += line_text(index_text(row.index), row.psnr, row.psnr_cc, row.ssim, row.file);
   const Row all = mean();
-  out += line_text("mean", all.psnr, all.ssim, "");
+  out += line_text("mean", all.psnr, all.psnr_cc, all.ssim, "");
   out.pop_back();
   return out;
 }
@@ -169,14 +170,18 @@ std::string Comparison::table() const {
 nlohmann::ordered_json Comparison::json() const {
   nlohmann::ordered_json pictures = nlohmann::ordered_json::array();
   for (const Row& of : rows_) {
-    nlohmann::ordered_json row = {
-        {"reference", of.file}, {"psnr", json_number(of.psnr)}, {"ssim", json_number(of.ssim)}};
+    nlohmann::ordered_json row = {{"reference", of.file},
+                                  {"psnr", json_number(of.psnr)},
+                                  {"psnr_cc", json_number(of.psnr_cc)},
+                                  {"ssim", json_number(of.ssim)}};
     if (!differences_.empty()) row["difference"] = difference_file(differences_, of.index);
     pictures.push_back(std::move(row));
   }
   const Row all = mean();
-  nlohmann::ordered_json out = {
-      {"psnr", json_number(all.psnr)}, {"ssim", json_number(all.ssim)}, {"pictures", pictures}};
+  nlohmann::ordered_json out = {{"psnr", json_number(all.psnr)},
+                                {"psnr_cc", json_number(all.psnr_cc)},
+                                {"ssim", json_number(all.ssim)},
+                                {"pictures", pictures}};
   if (rows_.size() < files_.size()) out["left_out"] = files_.size() - rows_.size();
   return out;
 }

@@ -40,7 +40,7 @@ class Comparison {
   struct Row {
     std::size_t index = 0;
     std::string file = {};
-    double psnr = 0, ssim = 0;
+    double psnr = 0, psnr_cc = 0, ssim = 0;
   };
   std::string find(std::size_t index) const;
   // Handles the current exception: warns and leaves the picture out, or rethrows.

@@ -11,7 +11,7 @@ DeviceFitPicture upload(Context& ctx, const FitPicture& picture) {
   DeviceFitPicture out{picture.camera, ctx.upload({h, w, 4}, picture.rgba, Type::u8, "picture"), {}, picture.masked};
   if (!picture.known.empty()) out.known = ctx.upload({h, w}, picture.known, Type::u8, "known pixels");
   out.known_share = known_share(picture);
-  out.window_share = known_window_share(picture);
+  out.window_share = known_window_share(picture.known, picture.camera.width, picture.camera.height);
   return out;
 }
 
@@ -21,17 +21,16 @@ double known_share(const FitPicture& picture) {
   return 1 - static_cast<double>(unknown) / static_cast<double>(picture.known.size());
 }
 
-double known_window_share(const FitPicture& picture) {
+double known_window_share(std::span<const std::uint8_t> known, int w, int h) {
   constexpr int side = 11;
-  const int w = picture.camera.width, h = picture.camera.height;
-  if (picture.known.empty() || std::min(w, h) < side) return 1;
+  if (known.empty() || std::min(w, h) < side) return 1;
   const auto width = static_cast<std::size_t>(w);
   std::vector<int> since(width, side);  // rows since the last known pixel of each column
   long found = 0;
   for (int y = 0; y < h; ++y) {
     for (std::size_t x = 0; x < width; ++x) {
-      const bool known = picture.known[static_cast<std::size_t>(y) * width + x] != 0;
-      since[x] = known ? 0 : since[x] + 1;
+      const bool is_known = known[static_cast<std::size_t>(y) * width + x] != 0;
+      since[x] = is_known ? 0 : since[x] + 1;
     }
     if (y < side - 1) continue;
     int columns = side;  // since the last that has a known pixel in the window's rows

@@ -1,6 +1,7 @@
 // A picture that a scene is fitted to, or is measured on.
 #pragma once
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,7 @@ DeviceFitPicture upload(Context& ctx, const FitPicture& picture);
 double known_share(const FitPicture& picture);
 
 // The share of the windows of SSIM in a picture (loss.h) that hold a known pixel; 1 if it is too small for a window.
-double known_window_share(const FitPicture& picture);
+// `known` as FitPicture::known.
+double known_window_share(std::span<const std::uint8_t> known, int width, int height);
 
 }  // namespace vsplat

@@ -163,15 +163,15 @@ void SceneFit::Impl::begin_leg() {
                       static_cast<long>(scene.gaussians.count));
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();
-  const int degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
+  degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
   set_degree(scene.gaussians, degree);
   const Gaussians start = std::move(scene.gaussians);
+  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews && !request.whole)
+    recipe.steps = std::min(recipe.steps, kUnjudgedSteps);
   leg_steps = recipe.steps;
   if (in_folds() && request.steps > 0)
     recipe.judge_every = request.steps;  // measure only after the requested number of steps
   if (unknown) leg_steps = 0;
-  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews && !request.whole)
-    leg_steps = std::min(leg_steps, kUnjudgedSteps);
   if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // later steps are not compared
   if (legs.size() > 1 && !in_folds()) {  // as many steps as were best in the folds
     const auto rounds = curve.empty() ? 0 : static_cast<std::size_t>(curve.begin()->second.pictures);

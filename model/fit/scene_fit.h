@@ -102,6 +102,8 @@ class SceneFit {
   bool step();
   void stop();  // runs no further step
   FitProgress progress() const;
+  // The settings in effect, as JSON: see vsplat_fit_get_settings.
+  std::string settings() const;
 
   // The best scene so far; after the last step or stop(), the result.
   FitResult result();

@@ -1,5 +1,5 @@
 // A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit,
-// scene_fit_background, scene_fit_reduce, scene_fit_state and scene_fit_step.
+// scene_fit_background, scene_fit_reduce, scene_fit_settings, scene_fit_state and scene_fit_step.
 #pragma once
 #include <functional>
 #include <map>
@@ -86,6 +86,7 @@ struct SceneFit::Impl {
   std::vector<Leg> legs;  // the last phase makes the result; each one before it leaves one view out
   std::size_t leg = 0;
   FitRecipe recipe;
+  int degree = 0;  // of the spherical harmonics
   long leg_steps = 0;
   std::unique_ptr<Fitter> fitter;  // of the current phase
   std::optional<Scene> first;      // the start of the last phase, in the world

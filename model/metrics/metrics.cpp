@@ -1,5 +1,6 @@
 #include "model/metrics/metrics.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -91,6 +92,60 @@ double psnr(const Image& a, const Image& b) {
     sum += d * d;
   }
   return -10 * std::log10(sum / static_cast<double>(a.data.size()));
+}
+
+namespace {
+
+struct ColourMap {
+  Eigen::Matrix3d factors;
+  Eigen::Vector3d offsets;
+
+  Eigen::Vector3d of(const Eigen::Vector3d& colour) const {
+    return (factors * colour + offsets).cwiseMax(0.0).cwiseMin(1.0);
+  }
+};
+
+Eigen::Vector3d colour_at(const Image& image, std::size_t pixel) {
+  return Eigen::Map<const Eigen::Vector3f>(&image.data[3 * pixel]).cast<double>();
+}
+
+// The map of least squares, in deviations from the means, which keeps the normal equations well conditioned.
+ColourMap nearest_map(const Image& drawn, const Image& given, const std::vector<std::size_t>& pixels) {
+  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = from;
+  for (const std::size_t i : pixels) from += colour_at(drawn, i), to += colour_at(given, i);
+  from /= static_cast<double>(pixels.size()), to /= static_cast<double>(pixels.size());
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero(), products = squares;
+  for (const std::size_t i : pixels) {
+    const Eigen::Vector3d d = colour_at(drawn, i) - from;
+    squares += d * d.transpose();
+    products += d * (colour_at(given, i) - to).transpose();
+  }
+  Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix3d> solver;
+  solver.setThreshold(1e-9);  // a colour direction with less variance, relative to the largest, is rounding
+  ColourMap out;
+  out.factors = solver.compute(squares).solve(products).transpose();
+  out.offsets = to - out.factors * from;
+  return out;
+}
+
+}  // namespace
+
+double psnr_cc(const Image& drawn, const Image& given, std::span<const std::uint8_t> known) {
+  check_alike(drawn, given);
+  const std::size_t count = drawn.data.size() / static_cast<std::size_t>(drawn.channels);
+  if (drawn.channels != 3 || (!known.empty() && known.size() != count))
+    fail(Status::input, "a colour map needs pictures of 3 channels, and {} known pixels or none: found {} and {}",
+         count, drawn.channels, known.size());
+  std::vector<std::size_t> pixels;
+  for (std::size_t i = 0; i < count; ++i)
+    if (known.empty() || known[i] != 0) pixels.push_back(i);
+  if (pixels.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const ColourMap map = nearest_map(drawn, given, pixels);
+  // NaN makes the offsets NaN, which clamping might hide.
+  if (map.offsets.hasNaN()) return std::numeric_limits<double>::quiet_NaN();
+  double sum = 0;
+  for (const std::size_t i : pixels) sum += (map.of(colour_at(drawn, i)) - colour_at(given, i)).squaredNorm();
+  return -10 * std::log10(sum / (3.0 * static_cast<double>(pixels.size())));
 }
 
 namespace {

@@ -190,10 +190,11 @@ class Pictures(support.Case):
         result, err = self.compared()
         self.assertEqual([p["reference"] for p in result["pictures"]], [self.path("given", f"{i:04d}.png") for i in range(3)])
         for row in [result, *result["pictures"]]:
+            self.assertGreaterEqual(row["psnr_cc"], row["psnr"])
             self.assertGreater(row["psnr"], 55)                         # the file is rounded to 8 bits, the drawn picture is not
             self.assertGreater(row["ssim"], 0.999)
             self.assertLessEqual(row["ssim"], 1)
-        for word in ("PSNR", "SSIM", "mean", "0002"):
+        for word in ("PSNR", "psnr_cc", "SSIM", "mean", "0002"):
             self.assertIn(word, err)
         other, _ = self.compared("--background", "0,0,0")
         self.assertLess(other["psnr"], 15)
@@ -286,7 +287,8 @@ class Pictures(support.Case):
         os.makedirs(self.path("given"))
         support.write_png(self.path("given", "a.png"), 32, 10, [[(255, 255, 255)] * 32] * 10)
         result, err = self.compared(cameras=self.cameras((32, 10)), size=None)
-        self.assertEqual(result, {"psnr": None, "ssim": None, "pictures": [{"reference": self.path("given", "a.png"), "psnr": None, "ssim": None}]})
+        none = {"psnr": None, "psnr_cc": None, "ssim": None}
+        self.assertEqual(result, {**none, "pictures": [{"reference": self.path("given", "a.png"), **none}]})
         self.assertIn("equal", err)
 
     def test_masks_come_over_the_background(self):

@@ -245,7 +245,7 @@ class _JobOptions(_Struct):
 
 
 class _Comparison(_Struct):
-    _fields_ = [("size", c.c_size_t), ("psnr", c.c_double), ("ssim", c.c_double)]
+    _fields_ = [("size", c.c_size_t), ("psnr", c.c_double), ("ssim", c.c_double), ("psnr_cc", c.c_double)]
 
 
 class _FitOptions(_Struct):

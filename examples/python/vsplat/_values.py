@@ -114,13 +114,24 @@ class Gaussians:
         return _Gaussians(capacity=count, **{name: _pointer(getattr(self, name)) for name in names})
 
 
-def compare(picture: Any, truth: Any) -> tuple[float, float]:
-    """PSNR in dB and SSIM of [H, W, 3], values clamped to 0 to 1; SSIM is NaN if a side is under 11 pixels."""
+def _compared(picture: Any, truth: Any) -> _Comparison:
     first = _array(picture, (None, None, 3), "picture")
     second = _array(truth, first.shape, "truth")
     out = _Comparison()
     _call("compare", _pointer(first), _pointer(second), c.c_int32(first.shape[1]), c.c_int32(first.shape[0]), c.byref(out), None)
+    return out
+
+
+def compare(picture: Any, truth: Any) -> tuple[float, float]:
+    """PSNR in dB and SSIM of [H, W, 3], values clamped to 0 to 1; SSIM is NaN if a side is under 11 pixels."""
+    out = _compared(picture, truth)
     return out.psnr, out.ssim
+
+
+def psnr_cc(picture: Any, truth: Any) -> float:
+    """PSNR in dB of [H, W, 3] after colour correction: the affine map of colours that brings `picture` nearest to `truth` by the squared
+    error, clamped to 0 to 1."""
+    return _compared(picture, truth).psnr_cc
 
 
 _PIXELS = {"float32": 0, "float16": 1, "uint8": 2}

@@ -103,6 +103,79 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   vsplat_scene_release(kept);
 }
 
+typedef struct sums {
+  double psnr, psnr_cc;
+  int pictures, most;
+} sums;
+
+static int32_t add_up(void* user, const vsplat_measured* m) {
+  sums* s = user;
+  float largest = 0;
+  int i;
+  HOLD(m->width == side && m->height == side && m->view >= 0 && m->view < views);
+  for (i = 0; i < 3 * pixels; ++i) largest = fmaxf(largest, fabsf(m->drawn[i] - m->given[i]));
+  HOLD(largest > 0 && m->psnr > 0 && m->psnr_cc >= m->psnr - 1e-9 && isnan(m->lpips_alex));
+  s->psnr += m->psnr, s->psnr_cc += m->psnr_cc;
+  return ++s->pictures < s->most;
+}
+
+/* A scene on some pictures, and on all of them. */
+static void measured_on_pictures(vsplat_device device, vsplat_views from, vsplat_scene start) {
+  const int32_t wanted[] = {4, 1}, wrong[] = {views};
+  vsplat_camera cameras[2];
+  vsplat_measure_options o = VSPLAT_MEASURE_OPTIONS_INIT;
+  vsplat_measured mean = VSPLAT_MEASURED_INIT, moved = VSPLAT_MEASURED_INIT;
+  vsplat_scene truth = make_scene(1);
+  sums s = {0, 0, 0, views + 1};
+  o.on_picture = add_up, o.user = &s;
+  EXPECT(VSPLAT_OK, vsplat_scene_measure(device, start, from, &o, &mean));
+  HOLD(s.pictures == views && fabs(mean.psnr - s.psnr / views) < 1e-9 && fabs(mean.psnr_cc - s.psnr_cc / views) < 1e-9);
+  HOLD(mean.view == -1 && mean.width == 0 && !mean.drawn && mean.ssim < 1);
+  s.pictures = 0, s.most = 2;
+  EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_scene_measure(device, start, from, &o, &moved));
+  HOLD(s.pictures == 2);
+  o.on_picture = NULL;
+  o.views = wanted, o.num_views = 2;
+  EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &mean));
+  HOLD(mean.psnr > 55 && mean.ssim > 0.999); /* pictures of this scene, on white */
+  cameras[0] = make_camera(4), cameras[1] = make_camera(1);
+  cameras[1].w2c[11] += 0.1;
+  o.cameras = cameras;
+  EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &moved));
+  HOLD(moved.psnr < mean.psnr - 5);
+  cameras[1].width = side + 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_measure(device, truth, from, &o, &moved));
+  o.cameras = NULL;
+  o.background[0] = o.background[1] = o.background[2] = 0; /* behind the scene alone: the pictures are opaque */
+  EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &moved));
+  HOLD(moved.psnr < 10);
+  o.longest = 12;
+  EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &moved));
+  o.masks = (vsplat_masks)7;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_measure(device, truth, from, &o, &moved));
+  o.masks = VSPLAT_MASKS_IGNORE; /* there is none */
+  EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &moved));
+  o.views = wrong, o.num_views = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_measure(device, truth, from, &o, &moved));
+  HOLD(strstr(vsplat_last_error(), "options.views[0]") != NULL);
+  vsplat_scene_release(truth);
+}
+
+static void settings(vsplat_device device, vsplat_views from, vsplat_scene start) {
+  vsplat_fit_options o = make_options(start);
+  vsplat_fit fit = NULL;
+  char* text = NULL;
+  o.seed = 7, o.longest = 0, o.freeze = VSPLAT_FREEZE_MEANS | VSPLAT_FREEZE_SH;
+  EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_settings(fit, &text));
+  HOLD(text && strstr(text, "\"steps\":200,") && strstr(text, "\"seed\":7,") && strstr(text, "\"size\":\"full\"") &&
+       strstr(text, "\"freeze\":\"means,sh\"") && strstr(text, "\"quality\":\"draft\"") &&
+       strstr(text, "\"strategy\":\"mcmc\"") && strstr(text, "\"background\":\"auto\"") &&
+       strstr(text, "\"derived\":{\"extent\":\"object\",") != NULL);
+  vsplat_text_free(text);
+  vsplat_fit_release(fit);
+}
+
 typedef struct impatience {
   vsplat_device device;
   volatile int done;
@@ -211,6 +284,8 @@ int main(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_get_name(from, views, &name));
   refuses(device, from, start);
   a_loop_of_ones_own(device, from, start);
+  measured_on_pictures(device, from, start);
+  settings(device, from, start);
   stopped_by_another_thread_it_goes_on(device, from, start);
   stopped_it_gives_the_best_so_far(device, from, start);
   a_plan_grows_with_the_scene(device);

@@ -31,9 +31,9 @@ TEST(FitPicture, WindowsAreKnownWhereAPixelIs) {
           any = any || p.known[static_cast<std::size_t>((y + i / 11) * 23 + x + i % 11)] != 0;
         want += any ? 1 : 0;
       }
-    EXPECT_DOUBLE_EQ(known_window_share(p), want / 91.0) << of;
+    EXPECT_DOUBLE_EQ(known_window_share(p.known, 23, 17), want / 91.0) << of;
   }
-  EXPECT_EQ(known_window_share(picture(10, 30)), 1);
+  EXPECT_EQ(known_window_share(picture(10, 30).known, 10, 30), 1);
 }
 
 }  // namespace

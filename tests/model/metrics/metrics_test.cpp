@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
 #include "runtime/error.h"
 #include "tests/support/golden.h"
@@ -48,6 +50,71 @@ TEST(Metrics, AreThoseOfTheReference) {
     }
     EXPECT_NEAR(sum / count, golden.floats("ssim")[0], 1e-5);
   }
+}
+
+// A picture of pseudo-random colours from 0.1 to 0.9.
+Image colours(int width, int height) {
+  Image out(width, height, 3);
+  for (std::size_t i = 0; i < out.data.size(); ++i)
+    out.data[i] = 0.1f + 0.8f * static_cast<float>(i * 7919 % 101) / 100.0f;
+  return out;
+}
+
+TEST(PsnrCc, FindsTheMapOfColours) {
+  const Image drawn = colours(9, 7);
+  Image given = drawn;
+  for (std::size_t i = 0; i < given.data.size(); i += 3) {
+    const float r = drawn.data[i], g = drawn.data[i + 1], b = drawn.data[i + 2];
+    given.data[i] = 0.6f * r + 0.1f * g + 0.1f, given.data[i + 1] = 0.9f * g, given.data[i + 2] = 0.5f * b + 0.3f * r;
+  }
+  EXPECT_LT(psnr(drawn, given), 20);
+  EXPECT_GT(psnr_cc(drawn, given), 110);
+  // One value off by 0.1: the map of least squares takes up a part of it.
+  given.data[10] += 0.1f;
+  const double alone = 10 * std::log10(static_cast<double>(given.data.size()) / 0.01);
+  EXPECT_GT(psnr_cc(drawn, given), alone);
+  EXPECT_LT(psnr_cc(drawn, given), alone + 1);
+}
+
+TEST(PsnrCc, ClampsAfterTheMap) {
+  // Two greys, the second picture's beyond the map of least squares through the others: clamping brings it back to 1.
+  Image drawn(4, 1, 3), given(4, 1, 3);
+  const float from[] = {0.0f, 0.5f, 0.5f, 1.0f}, to[] = {0.0f, 1.0f, 1.0f, 1.0f};
+  for (std::size_t i = 0; i < 12; ++i) drawn.data[i] = from[i / 3], given.data[i] = to[i / 3];
+  // Slope 1 and offset 0.25: 0.25, 0.75, 0.75, 1.25, of which the last becomes 1.
+  EXPECT_NEAR(psnr_cc(drawn, given), -10 * std::log10((3 * 0.0625) / 4), 1e-6);
+}
+
+TEST(PsnrCc, IsOfTheKnownPixels) {
+  const Image drawn = colours(8, 5);
+  Image given = drawn;
+  for (float& v : given.data) v = 0.5f * v + 0.2f;
+  std::vector<std::uint8_t> known(40, 1);
+  for (std::size_t i = 30; i < 40; ++i) {
+    known[i] = 0;
+    for (std::size_t c = 0; c < 3; ++c) given.data[3 * i + c] = i % 2 ? 1.0f : 0.0f;
+  }
+  EXPECT_LT(psnr_cc(drawn, given), 15);
+  EXPECT_GT(psnr_cc(drawn, given, known), 110);
+  EXPECT_TRUE(std::isnan(psnr_cc(drawn, given, std::vector<std::uint8_t>(40, 0))));
+  EXPECT_THROW(psnr_cc(drawn, given, std::vector<std::uint8_t>(39, 1)), Error);
+  EXPECT_THROW(psnr_cc(drawn, colours(5, 8)), Error);
+  EXPECT_THROW(psnr_cc(Image(2, 2, 1), Image(2, 2, 1)), Error);
+}
+
+TEST(PsnrCc, OfColoursThatDetermineNoMap) {
+  const Image given = colours(6, 6);
+  Image mean(6, 6, 3);
+  for (std::size_t c = 0; c < 3; ++c) {
+    double sum = 0;
+    for (std::size_t i = c; i < given.data.size(); i += 3) sum += given.data[i];
+    for (std::size_t i = c; i < given.data.size(); i += 3) mean.data[i] = static_cast<float>(sum / 36);
+  }
+  EXPECT_NEAR(psnr_cc(Image(6, 6, 3, 0.25f), given), psnr(mean, given), 1e-4);
+  Image broken = given;
+  broken.data[40] = std::nanf("");
+  EXPECT_TRUE(std::isnan(psnr_cc(given, broken)));
+  EXPECT_TRUE(std::isnan(psnr_cc(broken, given)));
 }
 
 // The formula with a two-dimensional window, on noise, in a rectangular picture.

@@ -1,11 +1,13 @@
-/* Measures how well a model reconstructs the objects of data sets. Part of vsplat.h, which includes this file and
-   states the common conventions: handles, statuses, structs that begin with their size. */
+/* Measures how well a model reconstructs the objects of data sets, and scenes on photographs. Part of vsplat.h, which
+   includes this file and states the common conventions: handles, statuses, structs that begin with their size. */
 #ifndef VSPLAT_EVALUATE_H
 #define VSPLAT_EVALUATE_H
 
 #include <vsplat/dataset.h>
 #include <vsplat/device.h>
+#include <vsplat/fit.h>
 #include <vsplat/model.h>
+#include <vsplat/scene.h>
 #include <vsplat/status.h>
 #include <vsplat/views.h>
 
@@ -116,6 +118,53 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_get_mean(vsplat_eval
    and the worst object by PSNR side by side, up to four views each; rows from the top: inputs, truth, coarse level,
    result. VSPLAT_ERROR_USAGE: the run made no sheet. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const char* path);
+
+/* ------------------------------------------------------------------------------ scenes compared with photographs */
+
+/* A drawing of a scene compared with the photograph of the same view, or the means over several. Values of the drawing
+   are clamped to [0,1]; pixels that the photograph's lens or mask leaves unknown take no part. */
+typedef struct vsplat_measured {
+  size_t size;
+  int32_t view;          /* index in the list of views; -1 in a mean */
+  int32_t width, height; /* pixels; 0 in a mean */
+  double psnr;           /* dB for a peak of 1, over all known pixels and channels; infinite for equal pictures; NaN
+                                   if no pixel is known */
+  double psnr_cc;        /* the same after colour correction, as in vsplat_comparison */
+  double ssim;           /* 11 x 11 Gaussian windows (sigma 1.5) that hold a known pixel; NaN if there is none, or if a
+                                   side is under 11 pixels */
+  double lpips_alex, lpips_vgg; /* NaN without LPIPS weights */
+  const float* drawn;           /* [height][width][3], valid during the call of on_picture; NULL in a mean */
+  const float* given;           /* the photograph, likewise */
+} vsplat_measured;
+#define VSPLAT_MEASURED_INIT \
+  { sizeof(vsplat_measured), 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, NULL, NULL }
+
+typedef struct vsplat_measure_options {
+  size_t size;
+  const int32_t* views; /* [num_views] which views are compared, by index; NULL: all that have a picture */
+  size_t num_views;
+  const vsplat_camera* cameras; /* [num_views] where they are drawn from, of the pictures' sizes, in place of the listed
+                                   cameras; NULL: those, without their lenses' distortion */
+  int32_t longest;              /* longer side of the compared pictures in pixels: photographs are scaled down by area,
+                                   and drawings have that size; 0: the photographs' own size */
+  float background[3];          /* behind the scene, and behind alpha and masks of photographs */
+  const char* lpips;            /* as in vsplat_evaluate_options */
+  /* May be NULL. Called after each picture; returns 0 to stop: the call ends with VSPLAT_ERROR_CANCELLED. */
+  int32_t (*on_picture)(void* user, const vsplat_measured* picture);
+  void* user;
+  vsplat_masks masks;   /* as in vsplat_fit_options */
+  int32_t invert_masks; /* as in vsplat_fit_options */
+} vsplat_measure_options;
+#define VSPLAT_MEASURE_OPTIONS_INIT \
+  { sizeof(vsplat_measure_options), NULL, 0, NULL, 512, {1, 1, 1}, NULL, NULL, NULL, VSPLAT_MASKS_OBJECT, 0 }
+
+/* Draws the scene from the views' cameras, as vsplat_render does, and compares each drawing with its photograph.
+   *out_mean receives the means over all of them. VSPLAT_ERROR_USAGE: a view does not exist, or none has a picture.
+   `options` NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene,
+                                                               vsplat_views views,
+                                                               const vsplat_measure_options* options,
+                                                               vsplat_measured* out_mean);
 
 /* --------------------------------------------------------------------------------------------- checks of weights */
 

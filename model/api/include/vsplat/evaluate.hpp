@@ -61,6 +61,29 @@ class Evaluation : public EvaluationHandle {
   }
 };
 
+// Compares the scene's drawings with photographs; `on_picture` is called after each, and returns false to stop. It
+// replaces the options' function. Returns the means.
+inline vsplat_measured measure(const Device& device, const Scene& scene, const Views& views,
+                               vsplat_measure_options options = VSPLAT_MEASURE_OPTIONS_INIT,
+                               const std::function<bool(const vsplat_measured&)>& on_picture = {}) {
+  struct Call {
+    const std::function<bool(const vsplat_measured&)>& function;
+    detail::Caught caught;
+  } call{on_picture, {}};
+  if (on_picture) {
+    options.user = &call;
+    options.on_picture = [](void* user, const vsplat_measured* picture) -> int32_t {
+      auto* const self = static_cast<Call*>(user);
+      bool on = false;
+      self->caught.run([&] { on = self->function(*picture); });
+      return on ? 1 : 0;
+    };
+  }
+  vsplat_measured out = VSPLAT_MEASURED_INIT;
+  call.caught.check(vsplat_scene_measure(device.get(), scene.get(), views.get(), &options, &out));
+  return out;
+}
+
 // Returns the JSON of vsplat_model_check.
 inline std::string check_model(const Device& device, const Model& model,
                                const vsplat_check_options& options = VSPLAT_CHECK_OPTIONS_INIT) {

@@ -205,11 +205,18 @@ typedef struct vsplat_fit_result {
                                 before its sky became Gaussians; else NaN */
   float background[3];       /* that pictures are measured over */
   int32_t in_turn;           /* 1: with few views, each of the held-out views was left out in turn */
+  uint64_t peak;             /* the most device memory held since the fit began, in bytes */
 } vsplat_fit_result;
 #define VSPLAT_FIT_RESULT_INIT \
-  { sizeof(vsplat_fit_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, {0, 0, 0}, 0 }
+  { sizeof(vsplat_fit_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, {0, 0, 0}, 0, 0 }
 
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_result);
+
+/* The settings in effect, after defaults and what depends on the views and the start, as a JSON object by the names of
+   `vsplat fit`'s options: {"steps": 2000, "size": 512, "sh": 2, "max-gaussians": null, ...}; null: not limited, or
+   found out by the fit. The field "derived" holds what is no option, or must not be given back as one:
+   {"extent", "max_gaussians", "center", "scale"}; a whole scene's "scale" is its unit of length. Free the text with vsplat_text_free. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_settings(vsplat_fit fit, char** out_text);
 
 typedef enum vsplat_fit_views {
   VSPLAT_FIT_USED = 0,     /* all views used for fitting, in their order */

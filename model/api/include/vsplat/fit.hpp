@@ -43,6 +43,12 @@ class Fit : public FitHandle {
     check(vsplat_fit_get_result(get(), &out));
     return out;
   }
+  // JSON, see vsplat_fit_get_settings.
+  std::string settings() const {
+    char* out = nullptr;
+    check(vsplat_fit_get_settings(get(), &out));
+    return text(out);
+  }
   // Indices into the list of views.
   std::vector<int32_t> views(vsplat_fit_views which) const {
     size_t count = 0;

@@ -105,11 +105,13 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_load_picture(vsplat_cam
 
 typedef struct vsplat_comparison {
   size_t size;
-  double psnr; /* dB for a peak of 1, over all pixels and channels; infinite for equal pictures */
-  double ssim; /* 11 x 11 Gaussian windows (sigma 1.5) that lie wholly inside; NaN if a side is under 11 pixels */
+  double psnr;    /* dB for a peak of 1, over all pixels and channels; infinite for equal pictures */
+  double ssim;    /* 11 x 11 Gaussian windows (sigma 1.5) that lie wholly inside; NaN if a side is under 11 pixels */
+  double psnr_cc; /* PSNR after colour correction: the affine map of colours, 3 x 3 factors and 3 offsets, that brings
+                     `pixels` nearest to `reference` by the squared error, clamped to [0,1] */
 } vsplat_comparison;
 #define VSPLAT_COMPARISON_INIT \
-  { sizeof(vsplat_comparison), 0.0, 0.0 }
+  { sizeof(vsplat_comparison), 0.0, 0.0, 0.0 }
 
 /* Compares float [height][width][3] pictures, values clamped to [0,1]. `out_difference` receives their absolute
    difference, of the same shape; NULL if not wanted. */

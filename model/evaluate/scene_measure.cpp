@@ -1,0 +1,74 @@
+#include "model/evaluate/scene_measure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "model/fit/fit_picture.h"
+#include "model/metrics/metrics.h"
+#include "runtime/fail.h"
+
+namespace vsplat {
+namespace {
+
+constexpr double PictureScores::*kFigures[] = {&PictureScores::psnr, &PictureScores::psnr_cc, &PictureScores::ssim,
+                                               &PictureScores::lpips_alex, &PictureScores::lpips_vgg};
+
+}  // namespace
+
+PictureScores::PictureScores() : lpips_alex(std::numeric_limits<double>::quiet_NaN()), lpips_vgg(lpips_alex) {}
+
+ComparedPhotograph compared_photograph(const Photographs& photographs, int view, int longest,
+                                       const std::array<float, 3>& background) {
+  LoadedPhotograph photograph(photographs, view);
+  const std::string name = photograph.listed().name;
+  const WholeView whole = photograph.whole(longest);
+  ComparedPhotograph out{whole.camera, Image(whole.image.width, whole.image.height, 3), {}};
+  for (std::size_t i = 0; 4 * i < whole.image.data.size(); ++i) {
+    const float* const rgba = &whole.image.data[4 * i];  // premultiplied
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float v = rgba[c] + (1 - rgba[3]) * background[c];
+      if (!std::isfinite(v))
+        fail(Status::input, "{}: pixel {}, {} holds {}, a finite number expected", name,
+             i % static_cast<std::size_t>(out.picture.width), i / static_cast<std::size_t>(out.picture.width), v);
+      out.picture.data[3 * i + c] = std::clamp(v, 0.0f, 1.0f);
+    }
+  }
+  for (const float known : whole.known.data) out.known.push_back(known > 0.5f ? 1 : 0);
+  return out;
+}
+
+PictureScores compare_drawing(Context& ctx, Image& drawn, const ComparedPhotograph& given,
+                              const std::vector<const Lpips*>& lpips) {
+  for (float& v : drawn.data) v = std::clamp(v, 0.0f, 1.0f);
+  std::size_t known = 0;
+  const std::size_t count = drawn.data.size() / 3;
+  for (std::size_t i = 0; i < count; ++i)
+    if (given.known.empty() || given.known[i] != 0)
+      ++known;
+    else
+      std::copy_n(&given.picture.data[3 * i], 3, &drawn.data[3 * i]);
+  PictureScores out;
+  // Unknown pixels are equal, and windows without a known pixel alike; the means are over the others.
+  const double windows = known_window_share(given.known, given.picture.width, given.picture.height);
+  out.psnr = psnr(drawn, given.picture) + 10 * std::log10(static_cast<double>(known) / static_cast<double>(count));
+  out.psnr_cc = psnr_cc(drawn, given.picture, given.known);
+  const double similarity = ssim(drawn, given.picture);
+  out.ssim = windows < 1 ? 1 - (1 - similarity) / windows : similarity;
+  for (const Lpips* net : lpips)
+    (net->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = net->distance(ctx, drawn, given.picture);
+  return out;
+}
+
+PictureScores mean_of(const std::vector<PictureScores>& scores) {
+  PictureScores out;
+  for (double PictureScores::*const figure : kFigures) {
+    out.*figure = 0;
+    for (const PictureScores& each : scores) out.*figure += each.*figure;
+    out.*figure /= static_cast<double>(scores.size());
+  }
+  return out;
+}
+
+}  // namespace vsplat
