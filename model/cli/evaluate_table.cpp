@@ -3,30 +3,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <set>
-#include <sstream>
 #include <tuple>
 #include <vsplat/vsplat.hpp>
 
 #include "outputs.h"
+#include "request_fields.h"
 #include "session.h"
+#include "table_text.h"
 
 namespace command {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr std::uintmax_t kLargestFile = 1 << 20;
 constexpr const char* kLpipsFiles[] = {"alex.safetensors", "vgg.safetensors"};
-constexpr const char* kEndings[] = {".md", ".csv", ".json"};
 
 struct System {
   std::string name, model;  // the model file; "": the built-in model
@@ -47,114 +41,6 @@ struct TableRequest {
   std::string lpips;
 };
 
-// Fields of a JSON object in the file. Paths are relative to the file's folder.
-class Fields {
- public:
-  Fields(const json& object, std::string where, fs::path folder)
-      : object_(object), where_(std::move(where)), folder_(std::move(folder)) {
-    if (!object_.is_object()) wrong(where_, "an object", object_);
-  }
-
-  std::string text(const char* name, const std::optional<std::string>& otherwise = {}) {
-    const json* value = find(name, !otherwise.has_value());
-    if (!value) return *otherwise;
-    if (!value->is_string() || value->get<std::string>().empty()) wrong(told(name), "a text that is not empty", *value);
-    return value->get<std::string>();
-  }
-  // `first` if the field is missing.
-  std::string one_of_two(const char* name, const char* first, const char* second) {
-    const json* value = find(name, false);
-    if (!value) return first;
-    if (*value != first && *value != second) wrong(told(name), std::string(first) + " or " + second, *value);
-    return value->get<std::string>();
-  }
-  std::string path(const char* name) {
-    const std::string given = text(name, "");
-    return given.empty() ? "" : (folder_ / given).string();
-  }
-  std::vector<std::string> paths(const char* name) {
-    const json& list = *find(name, true);
-    if (!list.is_array() || list.empty()) wrong(told(name), "a list of folders", list);
-    std::vector<std::string> out;
-    for (const json& each : list) {
-      if (!each.is_string() || each.get<std::string>().empty()) wrong(told(name), "a list of folders", list);
-      out.push_back((folder_ / each.get<std::string>()).string());
-    }
-    return out;
-  }
-  double number(const char* name, double low, double high, double otherwise) {
-    const json* value = find(name, false);
-    if (!value) return otherwise;
-    if (!value->is_number() || !(value->get<double>() >= low && value->get<double>() <= high))
-      wrong(told(name), "a number from " + json(low).dump() + " to " + json(high).dump(), *value);
-    return value->get<double>();
-  }
-  std::uint64_t count(const char* name, std::uint64_t low, std::uint64_t high, std::uint64_t otherwise) {
-    const json* value = find(name, false);
-    if (!value) return otherwise;
-    if (!value->is_number_unsigned() || value->get<std::uint64_t>() < low || value->get<std::uint64_t>() > high)
-      wrong(told(name), "a whole number from " + std::to_string(low) + " to " + std::to_string(high), *value);
-    return value->get<std::uint64_t>();
-  }
-  template <class Each>
-  void objects(const char* name, bool needed, const Each& each) {
-    const json* list = find(name, needed);
-    if (!list) return;
-    if (!list->is_array() || list->empty()) wrong(told(name), "a list of objects", *list);
-    for (std::size_t i = 0; i < list->size(); ++i) {
-      Fields fields((*list)[i], told(name) + "[" + std::to_string(i) + "]", folder_);
-      each(fields);
-      fields.end();
-    }
-  }
-  // Fails if any other field is present.
-  void end() const {
-    for (const auto& [name, value] : object_.items())
-      if (!known_.contains(name)) {
-        std::string all;
-        for (const std::string& each : known_) all += (all.empty() ? "" : ", ") + each;
-        throw std::runtime_error(told(name) + ": no such field; there are " + all);
-      }
-  }
-
- private:
-  const json* find(const char* name, bool needed) {
-    known_.insert(name);
-    const auto found = object_.find(name);
-    if (found != object_.end()) return &*found;
-    if (needed) throw std::runtime_error(told(name) + " is missing");
-    return nullptr;
-  }
-  std::string told(const std::string& name) const { return where_ + (where_.ends_with(": ") ? "" : ".") + name; }
-  [[noreturn]] static void wrong(const std::string& where, const std::string& expected, const json& found) {
-    std::string text = found.dump(-1, ' ', true, json::error_handler_t::replace);
-    if (text.size() > 60) text = text.substr(0, 60) + "...";
-    throw std::runtime_error(where + " must be " + expected + " (found " + text + ")");
-  }
-
-  const json& object_;
-  std::string where_;
-  fs::path folder_;
-  std::set<std::string> known_;
-};
-
-json parsed(const std::string& path) {
-  std::error_code error;
-  if (!fs::is_regular_file(path, error))
-    throw std::runtime_error(path + ": is not a file; a list of what to measure is expected");
-  if (fs::file_size(path, error) > kLargestFile)
-    throw std::runtime_error(path + ": more than 1 MiB, too much for a list of what to measure");
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file) throw std::runtime_error(path + ": cannot be read");
-  try {
-    return json::parse(text.str());
-  } catch (const json::exception& e) {
-    throw std::runtime_error(path + ": not valid JSON: " + e.what());
-  }
-}
-
 vsplat_evaluate_options read_options(Fields& fields) {
   vsplat_evaluate_options out = VSPLAT_EVALUATE_OPTIONS_INIT;
   const bool random = fields.one_of_two("protocol", "kmeans", "random10") == "random10";
@@ -167,7 +53,7 @@ vsplat_evaluate_options read_options(Fields& fields) {
 }
 
 TableRequest read(const std::string& path) {
-  const json file = parsed(path);
+  const ordered_json file = parsed_file(path, "a list of what to measure");
   Fields fields(file, path + ": ", fs::path(path).parent_path());
   TableRequest out;
   fields.objects("systems", true, [&](Fields& of) {
@@ -242,21 +128,6 @@ class Table {
   }
   std::size_t size() const { return rows_.size(); }
 
-  std::string markdown() const {
-    return lines("| ", " | ", " |\n", [](const std::string& text) {
-      std::string out;
-      for (const char c : text) out += c == '|' ? "\\|" : std::string(1, c == '\n' || c == '\r' ? ' ' : c);
-      return out;
-    });
-  }
-  std::string csv() const {
-    return lines("", ",", "\n", [](const std::string& text) {
-      if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-      std::string out = "\"";
-      for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
-      return out + "\"";
-    });
-  }
   ordered_json to_json() const {
     ordered_json rows = ordered_json::array();
     for (const Row& row : rows_) {
@@ -271,45 +142,29 @@ class Table {
     }
     return {{"rows", rows}};
   }
-  std::string text(const std::string& path) const {
-    if (path.ends_with(".md")) return markdown();
-    return path.ends_with(".csv") ? csv()
-                                  : to_json().dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+  // The headings, then the rows.
+  TableLines lines() const {
+    TableLines out;
+    out.texts = std::size(kNames);
+    for (const Row& row : rows_) {
+      const std::vector<Cell> cells = cells_of(row);
+      if (out.names.empty()) {
+        out.names.assign(std::begin(kNames), std::end(kNames));
+        out.headings = out.names;
+        for (const Cell& cell : cells) out.names.emplace_back(cell.name), out.headings.emplace_back(cell.heading);
+      }
+      out.rows.push_back(names(row));
+      for (const Cell& cell : cells) out.rows.back().push_back(fixed(cell));
+    }
+    return out;
   }
+  std::string text(const std::string& path) const { return table_file(path, lines(), to_json()); }
 
  private:
   static constexpr const char* kNames[] = {"data", "views", "system"};
 
   std::vector<std::string> names(const Row& row) const {
     return {request_.data[row.data].name, request_.views[row.views].name, request_.systems[row.system].name};
-  }
-
-  template <class Quoted>
-  std::string lines(const std::string& begin, const std::string& between, const std::string& end,
-                    const Quoted& quoted) const {
-    const bool ruled = !begin.empty();
-    std::string out, rule;
-    const auto line = [&](const std::vector<std::string>& words) {
-      std::string all;
-      for (const std::string& word : words) all += (all.empty() ? begin : between) + quoted(word);
-      out += all + end;
-    };
-    for (const Row& row : rows_) {
-      const std::vector<Cell> cells = cells_of(row);
-      std::vector<std::string> words = names(row);
-      if (out.empty()) {
-        std::vector<std::string> headings(std::begin(kNames), std::end(kNames));
-        for (const Cell& cell : cells) headings.emplace_back(ruled ? cell.heading : cell.name);
-        line(headings);
-        if (ruled) {
-          for (std::size_t i = 0; i < headings.size(); ++i) out += i < std::size(kNames) ? "| --- " : "| ---: ";
-          out += "|\n";
-        }
-      }
-      for (const Cell& cell : cells) words.push_back(fixed(cell));
-      line(words);
-    }
-    return out;
   }
 
   const TableRequest& request_;
@@ -353,7 +208,7 @@ void print(const Common& common, const Table& table) {
   if (common.json)
     print_json(table.to_json());
   else
-    std::fputs(for_terminal(table.markdown()).c_str(), stdout);
+    std::fputs(for_terminal(markdown(table.lines())).c_str(), stdout);
 }
 
 // Plans the memory of each row's network. Opens everything that the table reads, except the objects' pictures and the
@@ -389,9 +244,7 @@ void plan_table(const Common& common, const TableRequest& request) {
 }  // namespace
 
 void evaluate_table(const Common& common, const TableOptions& o) {
-  for (const std::string& path : o.outputs)
-    if (std::none_of(std::begin(kEndings), std::end(kEndings), [&](const char* e) { return path.ends_with(e); }))
-      throw UsageError("--output is " + path + ": a file ending in .md, .csv or .json is expected");
+  for (const std::string& path : o.outputs) need_table_ending(path);
   set_up_library(common);
   const TableRequest request = read(o.file);
   if (o.dry_run) {

@@ -18,6 +18,7 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t most_rows = 24, large_rows = 8;
 constexpr int large_cell = 512;
+constexpr double page_every = 30;  // seconds from one page of a fit in progress to the next
 
 bool is_number(const std::string& text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
@@ -57,11 +58,13 @@ void set_background(vsplat_fit_options& options, const std::string& text) {
   std::copy(given.begin(), given.end(), options.background_colour);
 }
 
-std::string decibels(double psnr) {
+std::string two_digits(double value) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.2f dB", psnr);
+  std::snprintf(text, sizeof text, "%.2f", value);
   return text;
 }
+
+std::string decibels(double psnr) { return two_digits(psnr) + " dB"; }
 
 std::string progress_text(const vsplat_fit_progress& p) {
   char text[160];
@@ -94,17 +97,23 @@ class Teller {
   double last_ = elapsed_seconds();
 };
 
-void add_log_line(std::string& log, const vsplat_fit_progress& p, double seconds) {
-  char line[192];
-  std::snprintf(line, sizeof line, "%lld,%s,%.6g,%llu,", static_cast<long long>(p.step), p.phase, p.loss,
-                static_cast<unsigned long long>(p.gaussians));
-  log += line;
-  if (!std::isnan(p.psnr)) {
-    std::snprintf(line, sizeof line, "%.4f", p.psnr);
-    log += line;
+// log.csv. The last line has the `psnr_cc` of the scene that is written, if it was measured.
+std::string log_text(const FitPage& page, double psnr_cc) {
+  std::string out = "step,phase,loss,gaussians,psnr,seconds,psnr_cc\n";
+  for (const FitStep& s : page.steps) {
+    char line[192];
+    std::snprintf(line, sizeof line, "%lld,%s,%.6g,%llu,", static_cast<long long>(s.step), page.phases[s.phase].c_str(),
+                  s.loss, static_cast<unsigned long long>(s.gaussians));
+    out += line;
+    if (!std::isnan(s.psnr)) {
+      std::snprintf(line, sizeof line, "%.4f", s.psnr);
+      out += line;
+    }
+    std::snprintf(line, sizeof line, ",%.3f,\n", s.seconds);
+    out += line;
   }
-  std::snprintf(line, sizeof line, ",%.3f\n", seconds);
-  log += line;
+  if (std::isfinite(psnr_cc) && !page.steps.empty()) out.insert(out.size() - 1, two_digits(psnr_cc));
+  return out;
 }
 
 // 4 x |difference|, in `colour` only.
@@ -117,13 +126,29 @@ vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Pictur
   return out;
 }
 
+// Adds photograph, drawing and difference to a picture of the page.
+void show(const vsplat_measured& from, FittedPicture& to) {
+  const auto picture_of = [&](const float* values) {
+    vsplat::Picture out;
+    out.width = from.width, out.height = from.height;
+    out.colour.assign(values,
+                      values + 3 * static_cast<std::size_t>(from.width) * static_cast<std::size_t>(from.height));
+    return out;
+  };
+  const vsplat::Picture given = picture_of(from.given), drawn = picture_of(from.drawn);
+  to.given = picture_uri(given);
+  to.drawn = picture_uri(drawn);
+  to.difference = picture_uri(difference_of(drawn, given));
+}
+
 std::string pictures_text(std::size_t count) { return std::to_string(count) + (count == 1 ? " picture" : " pictures"); }
 
 ordered_json number_json(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(); }
 
 }  // namespace
 
-FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint) {
+FitJob::FitJob(const FitOptions& o, const FitNames& names)
+    : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint), page_path_(o.page), record_(o.record) {
   options.poses = o.poses;
   options.exposure = o.exposure;
   options.antialias = o.antialias;
@@ -167,13 +192,18 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names) : log_(o.log), sheet_
   }
   need_ending(names.sheet, sheet_, ".png");
   need_ending("--log", log_, ".csv");
+  need_ending("--page", page_path_, ".html");
 }
 
 void FitJob::expect(Outputs& outputs, const std::string& output) {
+  output_ = output;
   if (options.poses) poses_ = std::filesystem::path(output).replace_extension(".poses.json").string();
   outputs.expect(poses_);
   outputs.expect(log_);
   outputs.expect(sheet_);
+  outputs.expect(record_);
+  // A fit that was killed may have left its page.
+  options.resume ? outputs.expect_renewed(page_path_) : outputs.expect(page_path_);
 }
 
 std::vector<std::string> FitJob::names_of(const vsplat::Fit& fit, vsplat_fit_views which,
@@ -190,8 +220,13 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   const vsplat::Fit fit = naming({from}, {checkpoint_}, [&] { return vsplat::Fit(session.device(), views, options); });
   if (on_start) on_start(fit.start());
   Teller teller(common);
-  std::string log = "step,phase,loss,gaussians,psnr,seconds\n";
+  settle(fit);
+  page_.scene = std::filesystem::path(output_).filename().string();
+  page_.views = from;
+  page_.device = session.device().info().name;
   const double begun = elapsed_seconds();
+  page_.before = begun;
+  double paged = begun;
   vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
   for (bool more = true; more;) {
     if (interrupted()) {
@@ -201,7 +236,12 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     }
     more = fit.step(progress);
     teller.tell(progress);
-    if (!log_.empty()) add_log_line(log, progress, elapsed_seconds() - begun);
+    remember(progress, elapsed_seconds() - begun);
+    if (page_path_.empty() || elapsed_seconds() - paged < page_every) continue;
+    page_.state = "At " + std::string(progress.phase) + ", step " + std::to_string(progress.step) + " of " +
+                  std::to_string(progress.steps) + ", when this page was made.";
+    write_page(session, outputs);
+    paged = elapsed_seconds();
   }
   clear_progress();
   result_ = fit.result();
@@ -212,9 +252,127 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   // They are corrected for the fitted scene, and do not apply to the start.
   if (result_.returned) poses_.clear();
   if (!poses_.empty()) fit.save_cameras(outputs.begin(poses_));
-  if (!log_.empty()) write_text(outputs.begin(log_), log);
+  measure(session, fit, scene, views);
+  if (!log_.empty()) write_text(outputs.begin(log_), log_text(page_, psnr_cc_));
+  if (!record_.empty()) write_record(session, fit, scene, outputs);
+  if (!page_path_.empty()) end_page(session, scene, outputs, begun);
   if (!sheet_.empty()) draw_sheet(session, fit, scene, outputs);
   return scene;
+}
+
+void FitJob::remember(const vsplat_fit_progress& p, double seconds) {
+  if (log_.empty() && page_path_.empty()) return;
+  if (page_.phases.empty() || page_.phases.back() != p.phase) page_.phases.emplace_back(p.phase);
+  page_.steps.push_back({page_.phases.size() - 1, p.step, p.gaussians, p.loss, p.psnr, seconds});
+}
+
+// Compares the scene with the pictures that were held out from the beginning to the end. For the page alone, and if
+// there are none, with some of those that it was fitted to.
+void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene,
+                     const vsplat::Views& views) {
+  const bool in_turn = result_.in_turn != 0, are_held_out = !in_turn && !judged_.empty();
+  if (!are_held_out && page_path_.empty()) return;
+  std::vector<std::int32_t> which = fit.views(are_held_out ? VSPLAT_FIT_HELD_OUT : VSPLAT_FIT_USED);
+  const std::size_t all = which.size();
+  if (!are_held_out && all > most_rows)
+    for (std::size_t row = 0; row < most_rows; ++row) which[row] = which[row * all / most_rows];
+  if (!are_held_out) which.resize(std::min(all, most_rows));
+  std::vector<vsplat_camera> cameras;  // as corrected
+  for (const std::int32_t view : which) cameras.push_back(fit.camera(static_cast<std::size_t>(view)));
+  vsplat_measure_options how = VSPLAT_MEASURE_OPTIONS_INIT;
+  how.views = which.data();
+  how.num_views = which.size();
+  if (!result_.returned) how.cameras = cameras.data();  // the corrections are of the fitted scene
+  how.longest = longest_;
+  how.masks = options.masks;
+  how.invert_masks = options.invert_masks;
+  std::copy(std::begin(result_.background), std::end(result_.background), how.background);
+  if (sky_ && result_.returned) std::fill_n(how.background, 3, 0.5f);  // the sky that the start was measured before
+  const vsplat_measured mean =
+      vsplat::measure(session.device(), scene, views, how, [&](const vsplat_measured& picture) {
+        page_.pictures.push_back({views.name(static_cast<std::size_t>(picture.view)), picture.psnr, picture.psnr_cc,
+                                  picture.ssim, "", "", ""});
+        if (!page_path_.empty() && page_.pictures.size() <= most_rows) show(picture, page_.pictures.back());
+        return true;
+      });
+  if (are_held_out) psnr_cc_ = mean.psnr_cc;
+  page_.about_pictures =
+      are_held_out       ? "Held out: no step was fitted to them."
+      : result_.returned ? "These were not held out. The drawings are of the start, which is what is written."
+      : in_turn ? "Each view was left out in turn to find the number of steps. The scene that is written was fitted "
+                  "to all of them: these figures say little about others."
+                : "None was held out: the scene was fitted to these.";
+  measured_ = are_held_out ? page_.pictures.size() : 0;
+}
+
+// What the fit does, told by the command's options and by the library.
+void FitJob::settle(const vsplat::Fit& fit) {
+  const ordered_json effective = ordered_json::parse(fit.settings());
+  settings_ = given_settings;
+  for (auto& [name, value] : settings_.items())
+    if ((value.is_null() || value == false) && effective.contains(name)) value = effective[name];
+  for (const auto& [name, otherwise] :
+       {std::pair("start", "auto"), std::pair("holdout", "auto"), std::pair("crop", "auto")})
+    if (settings_.contains(name) && settings_[name].is_null()) settings_[name] = otherwise;
+  derived_ = effective["derived"];
+  longest_ = effective["size"].is_number() ? effective["size"].get<int>() : 0;
+  sky_ = effective["background"] == "sky";
+}
+
+// SCENE.fit.json. Its fields are those of fit_record_fields.
+void FitJob::write_record(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene,
+                          Outputs& outputs) const {
+  const vsplat_device_info info = session.device().info();
+  ordered_json device = {{"name", info.name}, {"driver", info.driver}};
+  session.add_numerics(device);
+  ordered_json figures = {{"seconds", result_.seconds},
+                          {"peak_bytes", result_.peak},
+                          {"stopped", stopped_},
+                          {"background", result_.background}};
+  add_results(figures);
+  const ordered_json out = {{"vsplat", vsplat_version_string()},
+                            {"views", from},
+                            {"scene", output_},
+                            {"device", device},
+                            {"settings", settings_},
+                            {"derived", derived_},
+                            {"counts",
+                             {{"views", fit.views(VSPLAT_FIT_USED).size()},
+                              {"held_out", measured_},
+                              {"start", start_.info().count},
+                              {"gaussians", scene.info().count}}},
+                            {"figures", figures}};
+  write_text(outputs.begin(record_), out.dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+}
+
+void FitJob::write_page(const Session& session, Outputs& outputs) {
+  page_.settings = &settings_;
+  if (session.recorded()) page_.profile = session.device().profile_rows();
+  const std::string text = fit_page_text(page_);
+  write_text(outputs.begin(page_path_), text);
+}
+
+void FitJob::end_page(const Session& session, const vsplat::Scene& scene, Outputs& outputs, double begun) {
+  const vsplat_fit_result& r = result_;
+  const auto told = [](double value, int digits) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.*f", digits, value);
+    return std::isfinite(value) ? std::string(text) : std::string("-");
+  };
+  page_.state = std::string(stopped_ ? "Stopped early" : "Finished") +
+                (r.returned ? ": the start was best, and is written." : ".");
+  page_.figures = {{"steps", std::to_string(r.steps)},
+                   {"Gaussians", std::to_string(scene.info().count)},
+                   {"time", seconds_text(elapsed_seconds())},
+                   {"device memory, at most", bytes_text(r.peak)}};
+  if (r.num_held_out > 0)  // "PSNR held out" is of the scene that is written
+    page_.figures.insert(page_.figures.end(),
+                         {{"PSNR held out, start", told(r.start_psnr, 2) + " dB"},
+                          {"PSNR held out", told(r.returned ? r.start_psnr : r.result_psnr, 2) + " dB"},
+                          {"psnr_cc held out", told(psnr_cc_, 2) + " dB"},
+                          {"SSIM held out", told(r.returned ? r.start_ssim : r.result_ssim, 4)}});
+  page_.after = elapsed_seconds() - begun - (page_.steps.empty() ? 0 : page_.steps.back().seconds);
+  write_page(session, outputs);
 }
 
 // A row for each picture: given, start, result, difference.
@@ -256,7 +414,9 @@ void FitJob::summarise(const Common& common) const {
     char text[128];
     std::snprintf(text, sizeof text, "PSNR %.2f to %.2f dB, SSIM %.4f to %.4f", r.start_psnr, r.result_psnr,
                   r.start_ssim, r.result_ssim);
-    say(common, on + text + (r.returned ? "; the start is better, so it is what is written" : "") +
+    const std::string corrected =
+        std::isfinite(psnr_cc_) ? ", " + decibels(psnr_cc_) + " after colour correction (psnr_cc)" : "";
+    say(common, on + text + corrected + (r.returned ? "; the start is better, so it is what is written" : "") +
                     (r.claimed ? "" : "; the start may have seen these pictures, so no gain is claimed"));
     if (std::isfinite(r.sky_psnr) && !r.returned)
       say(common, "the sky is written as Gaussians: PSNR " + decibels(r.sky_psnr) + " before, " +
@@ -277,13 +437,22 @@ void FitJob::add_results(ordered_json& out) const {
   out["judged_on"] = judged_;
   out["start"] = scores(r.start_psnr, r.start_ssim);
   out["result"] = scores(r.result_psnr, r.result_ssim);
+  out[r.returned ? "start" : "result"]["psnr_cc"] = number_json(psnr_cc_);
   if (std::isfinite(r.sky_psnr)) out["over_sky"] = scores(r.sky_psnr, r.sky_ssim);
+  out["held_out"] = ordered_json::array();
+  for (std::size_t i = 0; i < measured_; ++i)
+    out["held_out"].push_back({{"name", page_.pictures[i].name},
+                               {"psnr", number_json(page_.pictures[i].psnr)},
+                               {"psnr_cc", number_json(page_.pictures[i].psnr_cc)},
+                               {"ssim", number_json(page_.pictures[i].ssim)}});
   out["returned"] = r.returned ? "start" : "fitted";
   out["claimed"] = r.claimed != 0;
   out["suspects"] = suspects_;
   if (!log_.empty()) out["log"] = log_;
   if (!sheet_.empty()) out["sheet"] = sheet_;
   if (!poses_.empty()) out["poses"] = poses_;
+  if (!page_path_.empty()) out["page"] = page_path_;
+  if (!record_.empty()) out["settings"] = record_;
 }
 
 Plan plan_fit(const Session& session, std::uint64_t gaussians, int sh_degree, const std::vector<vsplat_camera>& cameras,

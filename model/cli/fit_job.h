@@ -1,11 +1,13 @@
 // Fitting a scene to the user's pictures: what `vsplat fit` and `reconstruct --refine` share.
 #pragma once
 #include <functional>
-#include <nlohmann/json_fwd.hpp>
+#include <limits>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 #include <vsplat/vsplat.hpp>
 
+#include "fit_page.h"
 #include "outputs.h"
 #include "session.h"
 
@@ -16,8 +18,13 @@ struct FitOptions {
   std::string steps, size, sheet;
   std::string quality = "draft", seconds, max_gaussians, strategy, consolidate, holdout, sh, freeze, seed, log,
               checkpoint, background, masks;
+  std::string page, record;  // paths; "": none
   bool poses = false, exposure = false, resume = false, antialias = false, invert_masks = false;
 };
+
+// The fields of SCENE.fit.json.
+inline constexpr const char* fit_record_fields[] = {"vsplat",   "views",   "scene",  "device",
+                                                    "settings", "derived", "counts", "figures"};
 
 // The options' names in messages.
 struct FitNames {
@@ -34,6 +41,8 @@ class FitJob {
   // The caller sets start, scene, model, input and names.
   vsplat_fit_options options = VSPLAT_FIT_OPTIONS_INIT;
   std::string from;  // the path of the views, for errors about them
+  nlohmann::ordered_json given_settings =
+      nlohmann::ordered_json::object();  // settings_in() of the options, for the record
 
   // `output`: the scene's file; poses are written beside it.
   void expect(Outputs& outputs, const std::string& output);
@@ -41,25 +50,38 @@ class FitJob {
   // Calls `on_start` with the start scene before the first step.
   vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
                     const std::function<void(const vsplat::Scene&)>& on_start = {});
+  // Valid after run(), like start().
+  const vsplat_fit_result& result() const { return result_; }
   // The start scene; valid after run().
   const vsplat::Scene& start() const { return start_; }
   // Prints the result, and warnings if any.
   void summarise(const Common& common) const;
-  // Adds the fields "steps", "judged_on", "start", "result", "over_sky", "returned", "claimed", "suspects", "log",
-  // "sheet", "poses".
+  // Adds the fields "steps", "judged_on", "start", "result", "over_sky", "held_out", "returned", "claimed", "suspects",
+  // "log", "sheet", "poses", "page", "settings".
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
+  void settle(const vsplat::Fit& fit);
+  void remember(const vsplat_fit_progress& progress, double seconds);
+  void measure(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, const vsplat::Views& views);
+  void write_record(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, Outputs& outputs) const;
+  void write_page(const Session& session, Outputs& outputs);
+  void end_page(const Session& session, const vsplat::Scene& scene, Outputs& outputs, double begun);
   void draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, Outputs& outputs) const;
   std::vector<std::string> names_of(const vsplat::Fit& fit, vsplat_fit_views which, const vsplat::Views& views) const;
 
   std::vector<std::string> holdout_;
   std::vector<const char*> holdout_pointers_;
-  std::string log_, sheet_, poses_, checkpoint_;
+  std::string log_, sheet_, poses_, checkpoint_, page_path_, record_, output_;
+  nlohmann::ordered_json settings_, derived_;
+  FitPage page_;
   vsplat::Scene start_;
   vsplat_fit_result result_ = VSPLAT_FIT_RESULT_INIT;
-  bool stopped_ = false;
+  int longest_ = 0;  // pixels of a picture's longer side; 0: its own size
+  bool stopped_ = false, sky_ = false;
   std::vector<std::string> judged_, suspects_;
+  std::size_t measured_ = 0;  // how many pictures of the page were held out: all of them or none
+  double psnr_cc_ = std::numeric_limits<double>::quiet_NaN();  // mean over those
 };
 
 // Plan of a step's memory, with a title: up to `gaussians`, with pictures of these cameras whose longer side is at most

@@ -32,6 +32,7 @@ class Session {
   // For the progress fields of options structs: shows the stage with times, and stops if the user interrupts. Called
   // from any thread.
   static int32_t on_progress(void* session, const char* stage, double done);
+  bool recorded() const { return recorded_; }  // whether a profile is being recorded
   // Names the work in the following progress lines, and starts its clock.
   void start(const std::string& what);
   // Adds what the numbers of a result depend on: "tuning", the hash of the table of tuned parameters (null without one;

@@ -22,11 +22,11 @@ ordered_json freeze_of(const FitFreeze& freeze) {
   return out.empty() ? ordered_json() : ordered_json(out);
 }
 
-const char* name_of(FitQuality quality) {
+const char* quality_name(FitQuality quality) {
   return quality == FitQuality::high ? "high" : quality == FitQuality::normal ? "normal" : "draft";
 }
 
-std::string text_of(const FitBackground& background) {
+std::string background_text(const FitBackground& background) {
   using Kind = FitBackground::Kind;
   const std::array<float, 3>& c = background.colour;
   return background.kind == Kind::random   ? "random"
@@ -53,7 +53,7 @@ std::string SceneFit::settings() const {
   ordered_json out = {
       {"steps", or_null(r.steps > 0 || !finds_steps, r.steps > 0 ? r.steps : i.recipe.steps)},
       {"time", or_null(r.seconds > 0, r.seconds)},
-      {"quality", name_of(r.quality)},
+      {"quality", quality_name(r.quality)},
       {"size", r.longest > 0 ? ordered_json(r.longest) : ordered_json("full")},
       {"max-gaussians", or_null(r.max_gaussians > 0, r.max_gaussians)},
       {"strategy", r.density == DensityStrategy::error ? "error" : "mcmc"},
@@ -62,7 +62,7 @@ std::string SceneFit::settings() const {
       {"freeze", freeze_of(r.freeze)},
       {"seed", r.seed},
       {"antialias", i.recipe.options.antialias},
-      {"background", text_of(r.background)},
+      {"background", background_text(r.background)},
       {"masks", i.photographs.masks == MaskUse::ignore ? "ignore" : "object"},
       {"invert-masks", i.photographs.invert_masks},
       {"poses", r.poses},

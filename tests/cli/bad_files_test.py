@@ -47,6 +47,7 @@ READ = [
     ("fit --pictures", "", (*FIT, "--start", "{scene}", "--pictures", "{bad}"), ()),
     ("fit --model", ".safetensors", (*FIT, "--start", "network", "--model", "{bad}"), ("model",)),
     ("fit --checkpoint", "", (*FIT, "--start", "{scene}", "--checkpoint", "{bad}", "--resume"), ("missing", "folder")),
+    ("fit --settings", ".json", (*FIT, "--start", "{scene}", "--settings", "{bad}"), ()),
     ("render SCENE.ply", ".ply", ("render", "{bad}", "--cameras", "orbit:1", "--images", "{out}/x", "--size", "16x16", *SMALL), ("scene",)),
     ("render --cameras", "", (*RENDER, "--cameras", "{bad}", "--images", "{out}/x"), ()),
     ("render --cameras path", "", (*RENDER, "--cameras", "path:{bad}:3", "--images", "{out}/x"), ()),
@@ -101,6 +102,7 @@ WRITTEN = [
     ("fit --output", ".ply", ("fit", "{object}", "--start", "{scene}", "--output", "{bad}", "--steps", "1", "--size", "16", *SMALL)),
     ("fit --sheet", ".png", (*FIT, "--start", "{scene}", "--sheet", "{bad}")),
     ("fit --log", ".csv", (*FIT, "--start", "{scene}", "--log", "{bad}")),
+    ("fit --page", ".html", (*FIT, "--start", "{scene}", "--page", "{bad}")),
     ("fit --checkpoint", "/", (*FIT, "--start", "{scene}", "--checkpoint", "{bad}")),
     *((f"render {option}", ending, (*RENDER, "--cameras", "orbit:1", option, "{bad}", *more)) for option, ending, more in (
         ("--images", "/", ()), ("--sheet", ".png", ()), ("--turntable", ".webp", ()), ("--write-cameras", ".json", ("--images", "{out}/x")))),

@@ -53,6 +53,14 @@ class FitScene(support.Case):
         self.assertGreater(whole["result"]["psnr"], 16.5)
         same, _ = self.told(*self.fit("--scene", output="same.ply"))
         self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("same.ply"), "rb").read())
+        self.assertAlmostEqual(sum(picture["psnr"] for picture in whole["held_out"]) / 2, whole["result"]["psnr"], 1)
+        with open(self.path("out.fit.json")) as f:
+            record = json.load(f)
+        self.assertEqual([record["settings"][name] for name in ("start", "scene", "steps", "size", "background", "consolidate")],
+                         ["auto", False, 300, 512, "sky", None])
+        self.assertEqual(record["derived"]["extent"], "scene")
+        self.succeeds("fit", self.path("transforms.json"), "--settings", self.path("out.fit.json"), "--output", self.path("again.ply"), "--quiet")
+        self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("again.ply"), "rb").read())
         cube, err = self.told(*self.fit("--object", "--start", "random", output="object.ply"))
         self.assertIn("the object's cube: centre", err)
         self.assertGreater(whole["result"]["psnr"], cube["result"]["psnr"] + 1)

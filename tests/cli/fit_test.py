@@ -11,10 +11,11 @@ import subprocess
 import time
 import unittest
 
+import fit_case
 import support
 
 KILLS = int(os.environ.get("VSPLAT_KILLS", "2"))
-RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "seconds"]
+RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "held_out", "returned", "claimed", "suspects", "seconds"]
 NUMERICS = ["tuning", "precision", "switched_off"]
 
 
@@ -27,27 +28,10 @@ def quaternion(r):
     return w, x, y, z
 
 
-class Fit(support.Case):
-    """Pictures of a random solid, and a grey ball in its place."""
-    SIDE = 24
-
-    def setUp(self):
-        super().setUp()
-        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 5, "--size", self.SIDE, "--seed", 4)
-        self.photos = self.path("set", "solid_0000")
-        self.ball = self.path("ball.ply")
-        spots = [(0.25 * math.sin(i), 0.25 * math.cos(2.3 * i), 0.25 * math.sin(5.1 * i)) for i in range(60)]
-        support.write_scene(self.ball, [(at, (0.5, 0.5, 0.5), 0.06, 0.7) for at in spots])
-
-    def fit(self, *more, start=None, output="out.ply"):
-        return ("fit", self.photos, "--start", start or self.ball, "--output", self.path(output), "--quiet", *more)
-
-    def told(self, *arguments):
-        return json.loads(self.succeeds(*arguments, "--json")[0])
-
+class Fit(fit_case.FitCase):
     def test_pictures_held_out_get_better_and_the_json_says_how_much(self):
         told = self.told(*self.fit("--holdout", 1, "--steps", 60, "--log", self.path("log.csv"), "--sheet", self.path("sheet.png")))
-        self.assertEqual(list(told), RESULT[:-1] + ["log", "sheet"] + NUMERICS + RESULT[-1:])
+        self.assertEqual(list(told), RESULT[:-1] + ["log", "sheet", "page", "settings"] + NUMERICS + RESULT[-1:])
         self.assertEqual(len(told["judged_on"]), 1)
         self.assertEqual(told["returned"], "fitted")
         self.assertEqual(told["claimed"], False)  # a scene from a file may have seen every picture
@@ -59,6 +43,15 @@ class Fit(support.Case):
         self.assertEqual({row["phase"] for row in rows}, {"fitting"})
         self.assertLess(float(rows[-1]["loss"]), float(rows[0]["loss"]))
         self.assertAlmostEqual(max(float(row["psnr"]) for row in rows if row["psnr"]), told["result"]["psnr"], 2)
+        (picture,) = told["held_out"]
+        self.assertEqual([picture["name"]], told["judged_on"])
+        self.assertAlmostEqual(picture["psnr"], told["result"]["psnr"], 2)
+        self.assertAlmostEqual(picture["ssim"], told["result"]["ssim"], 3)
+        self.assertGreaterEqual(picture["psnr_cc"], picture["psnr"])
+        self.assertEqual(picture["psnr_cc"], told["result"]["psnr_cc"])
+        self.assertNotIn("psnr_cc", told["start"])  # it is of the scene that is written
+        self.assertEqual({row["psnr_cc"] for row in rows[:-1]}, {""})
+        self.assertAlmostEqual(float(rows[-1]["psnr_cc"]), picture["psnr_cc"], 1)
         width, height, _ = support.read_png(self.path("sheet.png"))
         self.assertGreater(width, 4 * self.SIDE)
         self.assertLess(height, 2 * self.SIDE + 20)
@@ -73,6 +66,7 @@ class Fit(support.Case):
     def test_few_views_are_each_left_out_in_turn(self):
         told = self.told(*self.fit("--steps", 25, "--log", self.path("log.csv")))
         self.assertEqual(len(told["judged_on"]), 5)
+        self.assertEqual(told["held_out"], [])  # in the end every view is fitted
         phases = [row["phase"] for row in csv.DictReader(open(self.path("log.csv")))]
         self.assertEqual(sorted(set(phases)), ["fitting"] + [f"leaving out {i} of 5" for i in range(1, 6)])
         self.assertIn(told["steps"], (0, 25))
@@ -90,6 +84,7 @@ class Fit(support.Case):
         told = self.told(*self.fit("--holdout", "@0", "--steps", 30, start=self.path("good.ply")))
         self.assertEqual((told["returned"], told["steps"]), ("start", 0))
         self.assertLess(told["result"]["psnr"], told["start"]["psnr"])
+        self.assertGreaterEqual(told["start"]["psnr_cc"], told["start"]["psnr"] - 0.01)
         camera = ("--cameras", os.path.join(self.photos, "transforms.json"), "--quiet", "--images")
         self.succeeds("render", self.path("good.ply"), *camera, self.path("a"))
         self.succeeds("render", self.path("out.ply"), *camera, self.path("b"))
@@ -153,6 +148,8 @@ class Fit(support.Case):
             process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(60), 130, process.stderr.read())
         self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
+        self.assertIn("Stopped early", pathlib.Path(self.path("out.fit.html")).read_text())
+        self.assertEqual(json.load(open(self.path("out.fit.json")))["figures"]["stopped"], True)
 
     def test_strategies_and_consolidation(self):
         """Growth needs 12 views: the two strategies give different scenes of the same size, and a consolidation a smaller one."""
@@ -219,8 +216,8 @@ class Fit(support.Case):
                 err = process.communicate(timeout=moments.uniform(0, seconds))[1]
                 self.assertEqual(process.returncode, 0, err)
                 shutil.rmtree(self.path("state"))  # it had finished: begin again
-                os.remove(self.path("again.ply"))
-                os.remove(self.path("again.poses.json"))
+                for name in ("again.ply", "again.poses.json", "again.fit.json", "again.fit.html"):
+                    os.remove(self.path(name))
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGKILL)
                 process.communicate()
@@ -305,6 +302,12 @@ class Fit(support.Case):
             support.write_png(path, width, height, rows)
         return paths
 
+    def same_figures(self, told):
+        """The scene that is written, compared with its pictures once more, has the figures of the fit."""
+        written = told["start" if told["returned"] == "start" else "result"]
+        for name, places in (("psnr", 1), ("ssim", 2)):
+            self.assertAlmostEqual(sum(picture[name] for picture in told["held_out"]) / len(told["held_out"]), written[name], places, name)
+
     def test_a_sky_is_written_as_gaussians(self):
         self.opaque()
         held = ("--holdout", 1, "--steps", 150, "--background")
@@ -312,6 +315,7 @@ class Fit(support.Case):
         self.assertGreater(told["gaussians"], 10000)
         self.assertAlmostEqual(told["over_sky"]["psnr"], told["result"]["psnr"], delta=1)
         self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 3)
+        self.same_figures(told)
         self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:1", "--size", "24x24", "--images", self.path("drawn"), "--background", "black",
                       "--quiet")
         corner = support.read_png(next(pathlib.Path(self.path("drawn")).glob("*.png")))[2][:3]
@@ -320,6 +324,7 @@ class Fit(support.Case):
             told = self.told(*self.fit(*held, behind, "--overwrite"))
             self.assertLess(told["gaussians"], 10000)
             self.assertNotIn("over_sky", told)
+            self.same_figures(told)
 
     def test_what_masks_leave_out_takes_no_part(self):
         masks = pathlib.Path(self.photos, "masks")
@@ -337,6 +342,8 @@ class Fit(support.Case):
         self.assertGreater(left["result"]["psnr"], left["start"]["psnr"] + 1)
         self.assertGreater(left["start"]["psnr"], both["start"]["psnr"] + 5, "the red half is not measured")
         self.assertNotEqual(left["start"], whole["start"])
+        for told in (left, whole, both):
+            self.same_figures(told)
 
     def test_what_is_refused(self):
         self.refuses(2, ["--background is sky", "5 of the 5", "--masks"], *self.fit("--background", "sky"))
