@@ -5,6 +5,7 @@
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
+#include "evaluate_scenes.h"
 #include "evaluate_table.h"
 #include "naming.h"
 #include "outputs.h"
@@ -22,6 +23,7 @@ struct EvaluateOptions {
   std::vector<std::string> folders;
   std::string model, protocol = "kmeans", seed, lpips, sheet, supersample;
   TableOptions table;
+  ScenesOptions scenes;
   int size = 0, view_count = 0;
   double pose_noise = 0;
   int pose_draws = 0;
@@ -149,7 +151,9 @@ struct Listener {
 };
 
 void evaluate(EvaluateOptions& o) {
-  if (o.folders.empty()) throw UsageError("DIR... is required, or --table");
+  if (o.folders.empty()) throw UsageError("DIR... is required, or --table, or --scenes");
+  if (!o.table.outputs.empty()) throw UsageError("--output is for --table and --scenes");
+  if (o.table.dry_run) throw UsageError("--dry-run is for --table and --scenes");
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
@@ -264,14 +268,22 @@ void add_evaluate(CLI::App& app, Run& run) {
       sub->add_option("--table", o->table.file,
                       "Measure the systems, data sets and protocols that this file lists: a row for each")
           ->type_name("FILE.json");
-  for (CLI::Option* other : others) table->excludes(other);
-  sub->add_option("-o,--output", o->table.outputs, "Write the table of --table, too; may be given several times")
-      ->needs(table)
+  CLI::Option* scenes =
+      sub->add_option("--scenes", o->scenes.file,
+                      "Measure scenes on held-out photographs of the sets that this file lists; scenes that are not "
+                      "ready are fitted")
+          ->type_name("LIST.json");
+  for (CLI::Option* other : others) {
+    table->excludes(other);
+    if (other->get_name() != "--lpips") scenes->excludes(other);
+  }
+  scenes->excludes(table)->excludes(sub->get_option("--skip-bad"));
+  sub->add_option("-o,--output", o->table.outputs,
+                  "Write the table of --table or --scenes, too; may be given several times")
       ->allow_extra_args(false)
       ->type_name("FILE.md|.csv|.json");
   sub->add_flag("--dry-run", o->table.dry_run,
-                "Read what --table lists, models and objects, and print the memory of each row; measure nothing")
-      ->needs(table);
+                "Read what --table or --scenes lists; print the memory of each row, or the views; measure nothing");
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to\n"
@@ -284,11 +296,14 @@ void add_evaluate(CLI::App& app, Run& run) {
       "  vsplat evaluate set/ --size 128 --json\n"
       "  vsplat evaluate --table tables.json --dry-run\n"
       "  vsplat evaluate --table tables.json --output tables.md --output tables.csv\n"
+      "  vsplat evaluate --scenes list.json --lpips weights/ --output table.md\n"
       "  vsplat evaluate set/ --pose-noise 0.02 --pose-draws 3 --seed 1\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
   sub->callback([o, &run] {
     run = [o] {
       o->table.skip_bad = o->skip_bad;
+      o->scenes.lpips = o->lpips, o->scenes.outputs = o->table.outputs, o->scenes.dry_run = o->table.dry_run;
+      if (!o->scenes.file.empty()) return evaluate_scenes(o->common, o->scenes);
       o->table.file.empty() ? evaluate(*o) : evaluate_table(o->common, o->table);
     };
   });

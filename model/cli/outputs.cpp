@@ -91,11 +91,20 @@ Outputs::Outputs(bool overwrite) : overwrite_(overwrite) {
 Outputs::~Outputs() {
   const vsplat_file_rules rules = plain_rules();
   [[maybe_unused]] const vsplat_status done = vsplat_file_rules_set(&rules);
-  if (committed_) return;
+  if (!committed_) drop();
+}
+
+void Outputs::drop() {
+  const std::lock_guard lock(made_mutex_);
   std::error_code ignored;
-  for (const Made& file : made_)
-    if (contains(files_, file.path) && file.still_there()) fs::remove(file.path, ignored);
+  std::erase_if(made_, [&](const Made& file) {
+    if (!contains(files_, file.path)) return false;
+    if (file.still_there()) fs::remove(file.path, ignored);
+    return true;
+  });
   for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder) fs::remove(*folder, ignored);
+  files_.clear();
+  folders_.clear();
 }
 
 bool Outputs::Made::still_there() const {

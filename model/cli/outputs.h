@@ -47,6 +47,8 @@ class Outputs {
   std::string begin(const std::string& path);
   // Keeps what was begun so far, however the command ends.
   void keep();
+  // Removes what was begun since then and created by this process, as the end of a command that fails does.
+  void drop();
   // Keeps everything, once all is written, and removes what expect_gone() named. Like keep(), throws std::runtime_error
   // if another program has removed what was written.
   void commit();

@@ -85,6 +85,7 @@ READ = [
     ("evaluate DIR", "", ("evaluate", "{bad}", "--model", "{model}", *SMALL), ()),
     ("evaluate --model", ".safetensors", ("evaluate", "{object}", "--model", "{bad}", *SMALL), ("model",)),
     ("evaluate --lpips", "", (*EVALUATE, "--lpips", "{bad}"), ()),
+    ("evaluate --scenes", ".json", ("evaluate", "--scenes", "{bad}", "--output", "{out}/t.md", *SMALL), ()),
     ("evaluate --table", ".json", ("evaluate", "--table", "{bad}", "--output", "{out}/t.md", *SMALL), ()),
 ]
 
