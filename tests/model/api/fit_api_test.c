@@ -139,10 +139,10 @@ static void measured_on_pictures(vsplat_device device, vsplat_views from, vsplat
   EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &mean));
   HOLD(mean.psnr > 55 && mean.ssim > 0.999); /* pictures of this scene, on white */
   cameras[0] = make_camera(4), cameras[1] = make_camera(1);
-  cameras[1].w2c[11] += 0.1;
+  cameras[0].w2c[11] += 0.1, cameras[1].w2c[11] += 0.1;
   o.cameras = cameras;
   EXPECT(VSPLAT_OK, vsplat_scene_measure(device, truth, from, &o, &moved));
-  HOLD(moved.psnr < mean.psnr - 5);
+  HOLD(moved.psnr < 40);
   cameras[1].width = side + 1;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_measure(device, truth, from, &o, &moved));
   o.cameras = NULL;
