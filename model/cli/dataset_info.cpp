@@ -150,9 +150,11 @@ void info(const DatasetInfoOptions& o) {
   outputs.commit();
 
   long views = 0, bad = 0;
+  std::string first;  // of what is bad
   ordered_json list = ordered_json::array();
   for (const Surveyed& object : objects) {
     views += object.numbers.views;
+    if (bad == 0 && !object.bad.empty()) first = object.bad.front();
     bad += static_cast<long>(object.bad.size());
     list.push_back(json_of(object));
   }
@@ -165,7 +167,7 @@ void info(const DatasetInfoOptions& o) {
   }
   for (const Surveyed& object : objects)
     for (const std::string& what : object.bad) say(o.common, "bad: " + what);
-  if (bad > 0) throw std::runtime_error(std::to_string(bad) + " bad objects, views or pictures");
+  if (bad > 0) throw std::runtime_error(std::to_string(bad) + " bad objects, views or pictures; the first: " + first);
 }
 
 }  // namespace

@@ -42,22 +42,24 @@ ComparedPhotograph compared_photograph(const Photographs& photographs, int view,
 PictureScores compare_drawing(Context& ctx, Image& drawn, const ComparedPhotograph& given,
                               const std::vector<const Lpips*>& lpips) {
   for (float& v : drawn.data) v = std::clamp(v, 0.0f, 1.0f);
+  // As in a fit, the photograph has the drawing's colours where it is unknown.
+  Image picture = given.picture;
   std::size_t known = 0;
   const std::size_t count = drawn.data.size() / 3;
   for (std::size_t i = 0; i < count; ++i)
     if (given.known.empty() || given.known[i] != 0)
       ++known;
     else
-      std::copy_n(&given.picture.data[3 * i], 3, &drawn.data[3 * i]);
+      std::copy_n(&drawn.data[3 * i], 3, &picture.data[3 * i]);
   PictureScores out;
   // Unknown pixels are equal, and windows without a known pixel alike; the means are over the others.
-  const double windows = known_window_share(given.known, given.picture.width, given.picture.height);
-  out.psnr = psnr(drawn, given.picture) + 10 * std::log10(static_cast<double>(known) / static_cast<double>(count));
-  out.psnr_cc = psnr_cc(drawn, given.picture, given.known);
-  const double similarity = ssim(drawn, given.picture);
+  const double windows = known_window_share(given.known, picture.width, picture.height);
+  out.psnr = psnr(drawn, picture) + 10 * std::log10(static_cast<double>(known) / static_cast<double>(count));
+  out.psnr_cc = psnr_cc(drawn, picture, given.known);
+  const double similarity = ssim(drawn, picture);
   out.ssim = windows < 1 ? 1 - (1 - similarity) / windows : similarity;
   for (const Lpips* net : lpips)
-    (net->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = net->distance(ctx, drawn, given.picture);
+    (net->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = net->distance(ctx, drawn, picture);
   return out;
 }
 

@@ -28,9 +28,9 @@ struct PictureScores {
   PictureScores();
 };
 
-// `drawn` [H][W][3] is clamped to [0,1], and replaced by the photograph where that is unknown. PSNR is of the known
-// pixels alone, and SSIM of the windows that hold one, as a fit measures them (fitter.h); both are NaN if no pixel is
-// known.
+// `drawn` [H][W][3] is clamped to [0,1]; where the photograph is unknown, it is taken to have the drawing's colours.
+// PSNR is of the known pixels alone, and SSIM of the windows that hold one, as a fit measures them (fitter.h); both are
+// NaN if no pixel is known.
 PictureScores compare_drawing(Context& ctx, Image& drawn, const ComparedPhotograph& given,
                               const std::vector<const Lpips*>& lpips);
 
