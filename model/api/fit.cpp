@@ -136,8 +136,8 @@ FitRequest request_of(const vsplat_fit_options& o) {
   out.exposure = o.exposure != 0;
   out.antialias = o.antialias != 0;
   out.density = density_of(o.density);
-  if (!(o.consolidate >= 0 && o.consolidate < 1))
-    fail(Status::usage, "options.consolidate is {}: 0, or a share below 1 expected", o.consolidate);
+  if (!(o.consolidate >= 0 && o.consolidate <= 1))
+    fail(Status::usage, "options.consolidate is {}: 0, or a share of at most 1 expected", o.consolidate);
   out.consolidate = o.consolidate;
   out.background = background_of(o);
   out.checkpoint = o.checkpoint ? o.checkpoint : "";

@@ -26,48 +26,22 @@ std::string beside(const std::string& output, const char* ending) {
   return fs::path(output).replace_extension(ending).string();
 }
 
-// Plans the memory at the largest size: --max-gaussians, else the larger of 1.5 Gaussians a pixel of a picture and
-// twice the start's.
-void dry_run(const FitCommand& o, const FitJob& job) {
-  const FitSettings& s = o.settings;
+// Says how much memory the network before the fit and the fit at its largest size take, and how long the fit lasts.
+void dry_run(const FitCommand& o, FitJob& job, FitInputs& inputs, const vsplat::Views& views) {
   Session session(o.common);
-  // The presets of vsplat_fit_quality.
-  constexpr int of_quality[] = {512, 1024, 1600};
-  const int longest = job.options.longest < 0 ? of_quality[job.options.quality] : job.options.longest;
-  const int unknown = longest > 0 ? longest : 1600;
-  vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
-  read.width = read.height = unknown;
-  read.skip_bad = s.skip_bad;
-  const std::vector<vsplat_camera> cameras = vsplat::Cameras::load(o.views, read).all();
-  std::uint64_t begins = 0;
-  int degree = 2;
+  inputs.load();
   std::vector<Plan> plans;
-  if (job.options.start == VSPLAT_FIT_SCENE) {
-    const vsplat_scene_info info = start_scene(s.start).info();
-    begins = info.count;
-    degree = std::max(degree, info.sh_degree);
-  } else if (job.options.start == VSPLAT_FIT_NETWORK) {
-    const vsplat::Model model = load_model(s.model);
-    begins = static_cast<std::uint64_t>(VSPLAT_ASSUME_SELECTED * static_cast<double>(model.info().max_gaussians));
-    degree = std::max(degree, model.info().sh_degree);
+  if (job.options.start == VSPLAT_FIT_NETWORK) {
+    vsplat_model_info model = VSPLAT_MODEL_INFO_INIT;
+    vsplat::check(vsplat_model_get_info(job.options.model, &model));
+    const int32_t wanted = o.settings.view_count ? o.settings.view_count : model.use_views;
     vsplat_plan plan = VSPLAT_PLAN_INIT;
-    const int32_t views = s.view_count ? s.view_count : model.info().use_views;
-    vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(),
-                                          std::min(views, static_cast<int32_t>(cameras.size())), VSPLAT_ASSUME_SELECTED,
+    vsplat::check(vsplat_plan_reconstruct(session.device().get(), job.options.model,
+                                          std::min(wanted, static_cast<int32_t>(views.size())), VSPLAT_ASSUME_SELECTED,
                                           &plan));
     plans.push_back({"the network before it", plan});
   }
-  double pixels = 1;
-  for (const vsplat_camera& c : cameras) {
-    const double longer = std::max(c.width, c.height);
-    const double scale = longest > 0 ? std::min(1.0, longest / longer) : 1;
-    pixels = std::max(pixels, scale * scale * c.width * c.height);
-  }
-  const std::uint64_t grows = job.options.max_gaussians > 0
-                                  ? job.options.max_gaussians
-                                  : std::max(2 * begins, static_cast<std::uint64_t>(1.5 * pixels));
-  if (job.options.sh_degree >= 0) degree = job.options.sh_degree;
-  plans.push_back(plan_fit(session, std::max(begins, grows), degree, cameras, longest));
+  if (plans.empty() || plans.front().plan.fits) plans.push_back(job.plan(session, views));
   print_plans(o.common, plans);
 }
 
@@ -102,11 +76,11 @@ void fit(FitCommand& o) {
   job.from = o.views;
   job.given_settings = settings_in(o.options);
   set_up_library(o.common);
-  if (o.dry_run) return dry_run(o, job);
-
-  Outputs outputs(o.common.overwrite);
   const vsplat::Views views =
       vsplat::Views::load(o.views, views_options(s.picture_folder, s.skip_bad, inputs->named()));
+  if (o.dry_run) return dry_run(o, job, *inputs, views);
+
+  Outputs outputs(o.common.overwrite);
   for (const std::string& path : {start_file(s), s.model, o.settings_file}) outputs.input(path);
   for (const std::string& path : views.files()) outputs.input(path);
   SceneFile file(outputs, o.output);
@@ -170,7 +144,8 @@ void add_fit(CLI::App& app, Run& run) {
   sub->add_flag("--resume", fit_options.resume,
                 "Continue from the state in --checkpoint: the result has the same bytes")
       ->group(files);
-  sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes")->group(files);
+  sub->add_flag("--dry-run", o->dry_run, "Only say how much memory and time it takes: a few steps are timed")
+      ->group(files);
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"

@@ -164,9 +164,9 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names)
     options.max_gaussians = static_cast<std::uint64_t>(count_of("--max-gaussians", o.max_gaussians, ""));
   if (o.strategy == "error") options.density = VSPLAT_DENSITY_ERROR;  // already checked by CLI11
   if (!o.consolidate.empty()) {
-    options.consolidate = positive_number("--consolidate", o.consolidate, "share of the Gaussians, below 1");
-    if (options.consolidate >= 1)
-      throw UsageError("--consolidate is \"" + o.consolidate + "\": a share above 0 and below 1 expected");
+    options.consolidate = positive_number("--consolidate", o.consolidate, "share of the Gaussians, 1 for all");
+    if (options.consolidate > 1)
+      throw UsageError("--consolidate is \"" + o.consolidate + "\": a share above 0 and at most 1 expected");
   }
   if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // already checked by CLI11
   if (!o.freeze.empty()) options.freeze = freeze_of(o.freeze);
@@ -258,6 +258,35 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   if (!page_path_.empty()) end_page(session, scene, outputs, begun);
   if (!sheet_.empty()) draw_sheet(session, fit, scene, outputs);
   return scene;
+}
+
+Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
+  options.checkpoint = nullptr, options.resume = 0;
+  const vsplat::Fit fit = naming({from}, {}, [&] { return vsplat::Fit(session.device(), views, options); });
+  const ordered_json settings = ordered_json::parse(fit.settings());
+  const ordered_json& most = settings["derived"]["max_gaussians"];
+  const std::uint64_t gaussians = most.is_number() ? most.get<std::uint64_t>() : fit.start().info().count;
+  int width = 1, height = 1;
+  for (const std::int32_t view : fit.views(VSPLAT_FIT_USED)) {
+    const vsplat_camera c = fit.camera(static_cast<std::size_t>(view));
+    if (static_cast<double>(c.width) * c.height > static_cast<double>(width) * height)
+      width = c.width, height = c.height;
+  }
+  const int degree = settings["sh"].get<int>();
+  char title[160];
+  std::snprintf(title, sizeof title, "the fit: up to %llu Gaussians of degree %d, pictures of %d x %d",
+                static_cast<unsigned long long>(gaussians), degree, width, height);
+  Plan out = {title, vsplat::fit_plan(session.device(), gaussians, degree, width, height)};
+  vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
+  const double begun = elapsed_seconds();
+  bool more = true;
+  for (int steps = 0; more && !interrupted(); ++steps) {
+    if (progress.seconds_left > 0 && steps >= 20 && elapsed_seconds() - begun > 1) break;
+    more = fit.step(progress);
+  }
+  const double took = elapsed_seconds() - begun;
+  if (!interrupted()) out.time = {progress.steps, took + (more ? progress.seconds_left : 0)};
+  return out;
 }
 
 void FitJob::remember(const vsplat_fit_progress& p, double seconds) {
@@ -453,21 +482,6 @@ void FitJob::add_results(ordered_json& out) const {
   if (!poses_.empty()) out["poses"] = poses_;
   if (!page_path_.empty()) out["page"] = page_path_;
   if (!record_.empty()) out["settings"] = record_;
-}
-
-Plan plan_fit(const Session& session, std::uint64_t gaussians, int sh_degree, const std::vector<vsplat_camera>& cameras,
-              int longest) {
-  int width = 1, height = 1;
-  for (const vsplat_camera& c : cameras) {
-    const int longer = std::max(c.width, c.height);
-    const double scale = longest > 0 && longer > longest ? static_cast<double>(longest) / longer : 1;
-    const int w = static_cast<int>(std::ceil(scale * c.width)), h = static_cast<int>(std::ceil(scale * c.height));
-    if (static_cast<double>(w) * h > static_cast<double>(width) * height) width = w, height = h;
-  }
-  char title[160];
-  std::snprintf(title, sizeof title, "a step of the fit: %llu Gaussians of degree %d, pictures of %d x %d",
-                static_cast<unsigned long long>(gaussians), sh_degree, width, height);
-  return {title, vsplat::fit_plan(session.device(), gaussians, sh_degree, width, height)};
 }
 
 }  // namespace command

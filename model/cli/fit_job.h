@@ -50,6 +50,8 @@ class FitJob {
   // Calls `on_start` with the start scene before the first step.
   vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
                     const std::function<void(const vsplat::Scene&)>& on_start = {});
+  // The memory at the largest size, and the time as the first steps foretell it. Writes nothing.
+  Plan plan(const Session& session, const vsplat::Views& views);
   // Valid after run(), like start().
   const vsplat_fit_result& result() const { return result_; }
   // The start scene; valid after run().
@@ -83,10 +85,5 @@ class FitJob {
   std::size_t measured_ = 0;  // how many pictures of the page were held out: all of them or none
   double psnr_cc_ = std::numeric_limits<double>::quiet_NaN();  // mean over those
 };
-
-// Plan of a step's memory, with a title: up to `gaussians`, with pictures of these cameras whose longer side is at most
-// `longest`.
-Plan plan_fit(const Session& session, std::uint64_t gaussians, int sh_degree, const std::vector<vsplat_camera>& cameras,
-              int longest);
 
 }  // namespace command

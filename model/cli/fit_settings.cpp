@@ -187,8 +187,8 @@ namespace {
 void add_scene_options(CLI::App& sub, FitOptions& o) {
   sub.add_option(
          "--quality", o.quality,
-         "Number of steps and pixels of the pictures' longer side: draft 2,000 and 512, normal 7,000 and 1,024, "
-         "high 30,000 and 1,600 (default: draft)")
+         "Number of steps (a quarter more for an object) and pixels of the pictures' longer side: draft 2,000 and 512, "
+         "normal 7,000 and 1,024, high 30,000 and 1,600 (default: draft)")
       ->check(one_of({"draft", "normal", "high"}))
       ->type_name("draft|normal|high");
   sub.add_option("--steps", o.steps,
@@ -216,8 +216,10 @@ void add_scene_options(CLI::App& sub, FitOptions& o) {
       ->check(one_of({"mcmc", "error"}))
       ->type_name("mcmc|error")
       ->group(what);
-  sub.add_option("--consolidate", o.consolidate,
-                 "Share of its Gaussians that stays after the steps, the most visible ones; 300 more steps follow")
+  sub.add_option(
+         "--consolidate", o.consolidate,
+         "Share of its Gaussians that stays for the last quarter of the steps, the most visible ones (default: 0.5 "
+         "for an object with many views and without --max-gaussians, else 1)")
       ->type_name("SHARE")
       ->group(what);
   sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 with many views)")

@@ -3,6 +3,7 @@
 #pragma once
 #include <mutex>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 #include <vsplat/vsplat.hpp>
@@ -66,9 +67,15 @@ std::string model_name(const std::string& path);
 void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device);
 
 // A table, or JSON with --json, that compares needed with available memory.
+// What takes how long.
+struct PlannedTime {
+  std::int64_t steps = 0;
+  double seconds = 0;
+};
 struct Plan {
   std::string title;
   vsplat_plan plan;
+  std::optional<PlannedTime> time{};
 };
 void print_plans(const Common& common, const std::vector<Plan>& plans);
 

@@ -101,7 +101,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       return out;
     };
   used = listed_views(p.set, request.names, Option::fit_views);
-  if (request.consolidate > 0 && used.size() < kManyViews && !request.whole)
+  if (request.consolidate > 0 && request.consolidate < 1 && used.size() < kManyViews && !request.whole)
     fail(Status::usage, "a consolidation needs {} views or more, {} are used", kManyViews, used.size());
   check_masks();
   const std::vector<int> held = held_out(p.set, used, request);
@@ -179,7 +179,6 @@ void SceneFit::Impl::begin_leg() {
     std::erase_if(curve, [most = measured_by_all(rounds)](const auto& at) { return at.first > most; });
     leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
-  if (!in_folds()) leg_steps += consolidation_steps();
   last_psnr = std::nan("");
   falls = 0;
   fitter.reset();  // frees its memory before the next is allocated
@@ -248,6 +247,7 @@ void SceneFit::Impl::judge() {
 bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = Clock::now();
+  const double before = waited;
   if (!left) {
     if (consolidates_now()) consolidate();
     const int view = view_of_step(fitter->steps_done());
@@ -267,10 +267,11 @@ bool SceneFit::Impl::step() {
   follow(*left);
   left.reset();
   const double until_now = seconds + seconds_since(begun);
-  if (!done && request.seconds > 0 && consolidation_steps() > 0 && !is_consolidated() &&
-      until_now + seconds_of_next() + static_cast<double>(consolidation_steps()) * step_seconds >= request.seconds)
-    leg_steps = std::min(leg_steps, fitter->steps_done() + consolidation_steps());
-  pace.add(seconds_since(begun), ctx.profiler().compilations());
+  const long quarter = fitter->steps_done() / 3;  // of the steps, were the consolidation now
+  if (!done && request.seconds > 0 && consolidates() && !is_consolidated() &&
+      until_now + seconds_of_next() + static_cast<double>(quarter) * step_seconds >= request.seconds)
+    leg_steps = std::min(leg_steps, fitter->steps_done() + quarter);
+  pace.add(seconds_since(begun) - (waited - before), ctx.profiler().compilations());
   if (!done && request.seconds > 0 && until_now + seconds_of_next() >= request.seconds) finish();
   seconds += seconds_since(begun);
   if (look && !request.checkpoint.empty()) save();
@@ -278,8 +279,8 @@ bool SceneFit::Impl::step() {
 }
 
 bool SceneFit::Impl::consolidates_now() const {
-  return !in_folds() && consolidation_steps() > 0 && !is_consolidated() &&
-         fitter->steps_done() >= leg_steps - consolidation_steps();
+  const long at = fitter->steps_done();
+  return consolidates() && !is_consolidated() && at + at / 3 >= leg_steps;
 }
 
 double SceneFit::Impl::seconds_of_next() const {
@@ -291,6 +292,18 @@ double SceneFit::Impl::seconds_of_next() const {
   // At the end every fitted picture is measured, and with growth also drawn with its gradient.
   if (!in_folds()) looks += (recipe.options.grow_every > 0 ? 4 : 1) * static_cast<double>(now.views.size());
   return step_seconds + looks * look;
+}
+
+// The waits for pictures in the next `steps` steps: once for each that is not on the device. Where they do not all stay
+// there, one wait each time.
+double SceneFit::Impl::seconds_of_reads(double steps) const {
+  if (reads == 0) return 0;
+  const auto all = static_cast<double>(legs[leg].views.size());
+  double missing = 0;
+  for (const int view : legs[leg].views) missing += resident.count(view) == 0 ? 1 : 0;
+  const double more =
+      static_cast<double>(fitter->steps_done()) < all ? std::min(steps, missing) : steps * missing / all;
+  return more * waited / static_cast<double>(reads);
 }
 
 bool SceneFit::Impl::has_time_for(double rounds) const {
@@ -366,7 +379,7 @@ FitProgress SceneFit::progress() const {
   // Steps of the remaining folds, and of the last phase at its full length.
   const auto left = static_cast<double>(i.leg_steps - out.step) +
                     static_cast<double>(i.legs.size() - i.leg - 1) * static_cast<double>(i.recipe.steps);
-  if (const auto pace = i.pace.seconds(); pace && !i.done) out.seconds_left = left * *pace;
+  if (const auto pace = i.pace.seconds(); pace && !i.done) out.seconds_left = left * *pace + i.seconds_of_reads(left);
   if (i.request.seconds > 0) out.seconds_left = std::min(out.seconds_left, i.request.seconds - i.seconds);
   return out;
 }

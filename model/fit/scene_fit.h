@@ -46,7 +46,7 @@ struct FitRequest {
   bool poses = false, exposure = false;
   bool antialias = false;  // also on where Scene::antialias of the start is
   DensityStrategy density = DensityStrategy::mcmc;
-  double consolidate = 0;  // share of the Gaussians that stays at the end, below 1; 0: no consolidation
+  double consolidate = 0;  // share of the Gaussians that stays for the last quarter of the steps; 0: the recipe's
   FitBackground background;
   std::uint64_t seed = 0;
   // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,

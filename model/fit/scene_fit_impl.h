@@ -49,7 +49,7 @@ struct SceneFit::Impl {
   void prune();
   void consolidate();
   bool is_consolidated() const;
-  long consolidation_steps() const;  // 0 without consolidation
+  bool consolidates() const;
   bool consolidates_now() const;
   const DeviceFitPicture& on_device(int view);
   DeviceFitPicture corrected(int view);
@@ -61,6 +61,7 @@ struct SceneFit::Impl {
   FitScore score_written();  // of `best` on the held-out pictures of the current phase
   // Estimate for the next step, the work after it, and the measurement of all pictures at the end.
   double seconds_of_next() const;
+  double seconds_of_reads(double steps) const;
   long measured_by_all(std::size_t rounds) const;
   bool has_time_for(double rounds) const;  // in the current fold's duration so far; true without a time limit
   double object_pixels(const std::vector<int>& views);
@@ -105,7 +106,10 @@ struct SceneFit::Impl {
   // measurement.
   double last_step = 0, step_seconds = 0, look_seconds = 0;
   long steps_in_all = 0;
-  StepPace pace;  // of this run
+  // This run: its steps without waits for pictures; those waits in all, in seconds; the pictures waited for.
+  StepPace pace;
+  double waited = 0;
+  long reads = 0;
   std::optional<AfterStep> left;
   long consolidated_after = 0;         // steps; 0: not yet
   bool pruned = false;                 // whether `best` is

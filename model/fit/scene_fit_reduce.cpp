@@ -13,12 +13,11 @@ namespace {
 // Blending weights of a Gaussian, summed over the pixels of all fitted pictures, below which it is pruned: at 0.2 a
 // held-out picture lost at most 0.006 dB, at 0.5 up to 0.04 dB.
 constexpr float kLeastWeight = 0.2f;
-constexpr long kConsolidationSteps = 300;
 
 }  // namespace
 
 bool SceneFit::Impl::is_consolidated() const { return consolidated_after > 0; }
-long SceneFit::Impl::consolidation_steps() const { return request.consolidate > 0 ? kConsolidationSteps : 0; }
+bool SceneFit::Impl::consolidates() const { return !in_folds() && recipe.consolidate < 1; }
 
 // Continues with the Gaussians of `unreduced` that `choose` marks by their blending weights, and measures them as the
 // scene after `at` steps. The best scene stays as it is if none is marked.
@@ -53,7 +52,7 @@ void SceneFit::Impl::reduce(const std::function<std::vector<bool>(const std::vec
 void SceneFit::Impl::consolidate() {
   const long at = fitter->steps_done();
   if (!unreduced) unreduced = fitter->foreground();
-  const auto wanted = static_cast<std::size_t>(std::ceil(request.consolidate * static_cast<double>(unreduced->count)));
+  const auto wanted = static_cast<std::size_t>(std::ceil(recipe.consolidate * static_cast<double>(unreduced->count)));
   reduce(
       [wanted](const std::vector<float>& weights) {
         std::vector<std::size_t> order(weights.size());

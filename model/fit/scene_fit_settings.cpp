@@ -57,7 +57,7 @@ std::string SceneFit::settings() const {
       {"size", r.longest > 0 ? ordered_json(r.longest) : ordered_json("full")},
       {"max-gaussians", or_null(r.max_gaussians > 0, r.max_gaussians)},
       {"strategy", r.density == DensityStrategy::error ? "error" : "mcmc"},
-      {"consolidate", or_null(r.consolidate > 0, r.consolidate)},
+      {"consolidate", or_null(r.consolidate > 0 || i.recipe.consolidate < 1, i.recipe.consolidate)},
       {"sh", i.degree},
       {"freeze", freeze_of(r.freeze)},
       {"seed", r.seed},

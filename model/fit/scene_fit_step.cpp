@@ -5,6 +5,7 @@
 
 #include "model/base/rng.h"
 #include "model/fit/scene_fit_impl.h"
+#include "runtime/clock.h"
 
 namespace vsplat {
 namespace {
@@ -16,7 +17,10 @@ constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;  // Adam learning rates
 const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   const auto there = resident.find(view);
   if (there != resident.end()) return there->second;
+  const auto begun = now_ns();
   const std::shared_ptr<const FitPicture> picture = pictures.at(view);
+  waited += 1e-9 * static_cast<double>(now_ns() - begun);
+  ++reads;
   const std::size_t bytes = picture->rgba.size() + picture->known.size();
   if (resident_bytes + bytes > spare_bytes / 2) {
     passing = {};

@@ -101,11 +101,12 @@ class Device(_Handle):
                invert_masks: bool = False, extent: str = "object", quality: str = "draft", near_plane: float = 0.0) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
         the model that makes one from the views, or None: their sparse points, or random ones; `extent`: "object", "scene" for all that
-        the pictures show, or "auto"; `quality`: "draft", "normal" or "high", for steps and size; `near_plane`: 0: the start's; `antialias`: fits it for drawing at any size; `steps`, `max_gaussians`: 0: by the
-        number of views; `seconds`: 0: no limit; `longest`: longer side of the pictures in pixels (0: unscaled); `strategy`: "mcmc" adds
-        Gaussians where opaque ones are, "error" splits those that cover the pictures' errors; `consolidate`: share of the Gaussians that stays
-        at the end. `background`, where transmittance is left: "auto", a colour (three numbers from 0 to 1), "random" or "sky"; `masks`,
-        what is outside them: "object" (nothing) or "ignore" (takes no part). An exception in `progress` ends the fit; if it returns
+        the pictures show, or "auto"; `quality`: "draft", "normal" or "high", for steps and size; `near_plane`: 0: the start's;
+        `antialias`: fits it for drawing at any size; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
+        `longest`: longer side of the pictures in pixels (0: unscaled); `strategy`: "mcmc" adds Gaussians where opaque ones are, "error"
+        splits those that cover the pictures' errors; `consolidate`: share of the Gaussians that stays for the last quarter of the steps
+        (0: half of an object's). `background`, where transmittance is left: "auto", a colour (three numbers from 0 to 1), "random" or
+        "sky"; `masks`, what is outside them: "object" (nothing) or "ignore" (takes no part). An exception in `progress` ends the fit; if it returns
         False, the result is the best scene so far."""
         if start is not None and not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")

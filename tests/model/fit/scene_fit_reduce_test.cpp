@@ -68,17 +68,17 @@ TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
     }
     return fit.progress();
   };
-  const FitProgress before = run_to(80, request), after = run_to(81, request);
-  EXPECT_EQ(before.steps, 380);
+  const FitProgress before = run_to(60, request), after = run_to(61, request);
+  EXPECT_EQ(before.steps, 80);
   EXPECT_EQ(before.phase, "fitting");
   EXPECT_EQ(after.phase, "consolidating");
   EXPECT_LE(static_cast<double>(after.gaussians), std::ceil(0.9 * static_cast<double>(before.gaussians)));
   const FitResult want = run(request);
-  ASSERT_GT(want.steps, 80);
+  ASSERT_GT(want.steps, 60);
   EXPECT_LE(want.scene.gaussians.count, static_cast<std::size_t>(after.gaussians));
   EXPECT_LT(want.scene.gaussians.count, all);
   EXPECT_GT(want.result.psnr, want.start.psnr);
-  for (const long left_at : {79L, 105L, 379L}) {
+  for (const long left_at : {59L, 65L, 79L}) {
     const test::TemporaryFolder folder;
     FitRequest kept = request;
     kept.checkpoint = folder.path();

@@ -37,7 +37,8 @@ typedef enum vsplat_fit_start {
                              `model` is given and fewer than 12 views are used, else its points, else random ones */
 } vsplat_fit_start;
 
-/* Presets: number of steps for a whole scene, or an object with 12 views or more, and the pictures' size. */
+/* Presets: the number of steps of a whole scene, and the pictures' size. An object with 12 views or more has a quarter
+   more steps. */
 typedef enum vsplat_fit_quality {
   VSPLAT_QUALITY_DRAFT = 0,  /* 2,000 steps, longer side of 512 pixels */
   VSPLAT_QUALITY_NORMAL = 1, /* 7,000 steps, 1,024 pixels */
@@ -147,9 +148,9 @@ typedef struct vsplat_fit_options {
   int32_t antialias; /* 1: draws with anti-aliasing (vsplat_render_options), and the result has
                         vsplat_scene_info.antialias; a start that has it is always fitted so */
   vsplat_density density;
-  /* 0: none. Above 0 and below 1, for 12 views or more, or a whole scene: the share of the Gaussians that stays after
-     the steps, those with the most visible pixels in the fitted pictures; 300 more steps follow. If the fit is stopped
-     before, every Gaussian stays. */
+  /* The share of the Gaussians that stays for the last quarter of the steps, those with the most visible pixels in the
+     fitted pictures, in (0,1]; below 1 only for 12 views or more, or a whole scene. 0: 0.5 for an object that grows
+     while max_gaussians is 0, and 1 otherwise. If the fit is stopped before, every Gaussian stays. */
   double consolidate;
   vsplat_background background;
   float background_colour[3]; /* red, green, blue in [0,1]; for VSPLAT_BACKGROUND_COLOUR */
