@@ -211,6 +211,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     made->selected = from.selected;
     request.spared = from.named;
     request.whole = from.whole;
+    request.scattered = from.scattered;
     made->scene_fit.emplace(device->context, made->photographs, std::move(from.start), request);
     *out_fit = made.release();
   });

@@ -14,6 +14,7 @@ struct FitSource {
   FitStart start;
   double farthest_near = std::numeric_limits<double>::infinity();  // limit of the near plane, in world units
   bool whole = false;                                              // a whole scene rather than an object in its cube
+  bool scattered = false;                                          // FitRequest::scattered
   std::vector<int> named;                                          // views requested for the network
   std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, from its last run
 };

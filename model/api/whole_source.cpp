@@ -17,7 +17,7 @@ namespace vsplat::api {
 namespace {
 
 constexpr int kLookedAt = 8;
-constexpr double kRandomOfPixels = 0.5, kMostRandom = 100000;
+constexpr double kRandomOfPixels = 0.15, kMostRandom = 100000;
 
 bool has_cube(const ViewSet& set, const InputRequest& input) {
   const PlacementRequest& p = input.placement;
@@ -69,16 +69,17 @@ FitSource whole_source(const Photographs& photographs, const vsplat_fit_options&
   start.random =
       static_cast<long>(std::ceil(std::min(kMostRandom, kRandomOfPixels * pixels_of(photographs, used, longest))));
   const auto from = static_cast<vsplat_fit_start>(value_of(o.start));
+  FitSource out;
   if (from == VSPLAT_FIT_POINTS) start.points = points_of(photographs);
   if (from == VSPLAT_FIT_AUTO)
     if (std::optional<ListedPoints> found = listed_points(photographs.set)) start.points = std::move(found->points);
+  out.scattered = from != VSPLAT_FIT_SCENE && start.points.empty();
   keep_reliable(start.points);
   start.frame = scene_frame(cameras, start.points);
   if (o.near_plane > 0) start.frame.near = o.near_plane;
   info("{}", start.frame.found);
   warn_of_one_place(photographs.set.source.string(), cameras);
   if (const std::string text = cut_by_near(cameras, start.points, start.frame.near); !text.empty()) warn("{}", text);
-  FitSource out;
   out.whole = true;
   out.start.placement = start.frame.placement;
   if (from == VSPLAT_FIT_SCENE) {

@@ -28,6 +28,7 @@ std::string beside(const std::string& output, const char* ending) {
 
 // Says how much memory the network before the fit and the fit at its largest size take, and how long the fit lasts.
 void dry_run(const FitCommand& o, FitJob& job, FitInputs& inputs, const vsplat::Views& views) {
+  refuse_profile_of_dry_run(o.common);
   Session session(o.common);
   inputs.load();
   std::vector<Plan> plans;
@@ -54,10 +55,11 @@ void check(const FitCommand& o) {
 // The files beside the scene: what was not asked for otherwise.
 void name_files(FitCommand& o) {
   FitOptions& fit = o.settings.fit;
-  if (o.output.empty()) return;
-  fit.record = beside(o.output, ".fit.json");
-  if (fit.page.empty()) fit.page = beside(o.output, ".fit.html");
-  if (fit.page == "none") fit.page.clear();
+  if (fit.page == "none")
+    fit.page.clear();
+  else if (fit.page.empty() && !o.output.empty())
+    fit.page = beside(o.output, ".fit.html");
+  if (!o.output.empty()) fit.record = beside(o.output, ".fit.json");
 }
 
 void fit(FitCommand& o) {

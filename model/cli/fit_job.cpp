@@ -240,7 +240,13 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     if (page_path_.empty() || elapsed_seconds() - paged < page_every) continue;
     page_.state = "At " + std::string(progress.phase) + ", step " + std::to_string(progress.step) + " of " +
                   std::to_string(progress.steps) + ", when this page was made.";
-    write_page(session, outputs);
+    try {
+      write_page(session, outputs);
+    } catch (const std::exception& e) {  // the fit goes on
+      warn(page_path_ + " is not kept up to date: " + e.what());
+      paged = INFINITY;
+      continue;
+    }
     paged = elapsed_seconds();
   }
   clear_progress();
@@ -252,7 +258,11 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   // They are corrected for the fitted scene, and do not apply to the start.
   if (result_.returned) poses_.clear();
   if (!poses_.empty()) fit.save_cameras(outputs.begin(poses_));
-  measure(session, fit, scene, views);
+  try {
+    measure(session, fit, scene, views);
+  } catch (const std::exception& e) {  // what was fitted is not lost
+    warn(std::string("the result is not measured on its pictures: ") + e.what());
+  }
   if (!log_.empty()) write_text(outputs.begin(log_), log_text(page_, psnr_cc_));
   if (!record_.empty()) write_record(session, fit, scene, outputs);
   if (!page_path_.empty()) end_page(session, scene, outputs, begun);
@@ -262,6 +272,7 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
 
 Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
   options.checkpoint = nullptr, options.resume = 0;
+  const double begun = elapsed_seconds();
   const vsplat::Fit fit = naming({from}, {}, [&] { return vsplat::Fit(session.device(), views, options); });
   const ordered_json settings = ordered_json::parse(fit.settings());
   const ordered_json& most = settings["derived"]["max_gaussians"];
@@ -278,14 +289,15 @@ Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
                 static_cast<unsigned long long>(gaussians), degree, width, height);
   Plan out = {title, vsplat::fit_plan(session.device(), gaussians, degree, width, height)};
   vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
-  const double begun = elapsed_seconds();
+  const double stepped = elapsed_seconds();
   bool more = true;
   for (int steps = 0; more && !interrupted(); ++steps) {
-    if (progress.seconds_left > 0 && steps >= 20 && elapsed_seconds() - begun > 1) break;
+    if (progress.seconds_left > 0 && steps >= 20 && elapsed_seconds() - stepped > 1) break;
     more = fit.step(progress);
   }
   const double took = elapsed_seconds() - begun;
-  if (!interrupted()) out.time = {progress.steps, took + (more ? progress.seconds_left : 0)};
+  if (!interrupted())
+    out.time = {settings["steps"].is_number() ? progress.steps : 0, took + (more ? progress.seconds_left : 0)};
   return out;
 }
 

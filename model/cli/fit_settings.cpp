@@ -101,7 +101,11 @@ void leave_out_decided(const std::vector<CLI::Option*>& options, ordered_json& s
                        [&](const CLI::Option* option) { return option->count() > 0 && field_of(*option) == name; });
   };
   std::vector<const char*> decided;
-  if (is_given("scene") || is_given("object")) decided = {"scene", "object"};
+  if (is_given("scene") || is_given("object"))
+    decided = {"scene", "object", "steps", "sh", "background", "consolidate"};
+  if (is_given("scene")) decided.insert(decided.end(), {"center", "scale", "auto-frame"});
+  if (is_given("max-gaussians") || is_given("freeze") || is_given("views")) decided.push_back("consolidate");
+  if (is_given("start")) decided.insert(decided.end(), {"model", "view-count", "crop"});
   if (is_given("quality")) decided.insert(decided.end(), {"steps", "size"});
   for (const char* name : decided)
     if (const auto field = settings.find(name); field != settings.end()) *field = nullptr;

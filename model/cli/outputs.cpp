@@ -105,6 +105,7 @@ void Outputs::drop() {
   for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder) fs::remove(*folder, ignored);
   files_.clear();
   folders_.clear();
+  gone_.clear();
 }
 
 bool Outputs::Made::still_there() const {

@@ -174,7 +174,8 @@ void print_plans(const Common& common, const std::vector<Plan>& plans) {
                      {"host_limit_bytes", p.plan.host_limit},
                      {"fits", p.plan.fits != 0},
                      {"stages", stages}});
-      if (p.time) out.back()["steps"] = p.time->steps, out.back()["seconds"] = p.time->seconds;
+      if (p.time && p.time->steps > 0) out.back()["steps"] = p.time->steps;
+      if (p.time) out.back()["seconds"] = p.time->seconds;
     }
     print_json(out);
     return;
@@ -188,8 +189,8 @@ void print_plans(const Common& common, const std::vector<Plan>& plans) {
     std::printf("  %-12s %10s of %s: %s\n", "host", bytes_text(p.plan.host_peak).c_str(),
                 bytes_text(p.plan.host_limit).c_str(), p.plan.fits ? "fits" : "DOES NOT FIT");
     if (p.time)
-      std::printf("  %-12s about %s for %lld steps\n", "time", seconds_text(p.time->seconds).c_str(),
-                  static_cast<long long>(p.time->steps));
+      std::printf("  %-12s about %s%s\n", "time", seconds_text(p.time->seconds).c_str(),
+                  p.time->steps > 0 ? (" for " + std::to_string(p.time->steps) + " steps").c_str() : "");
   }
 }
 

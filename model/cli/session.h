@@ -66,10 +66,9 @@ std::string model_name(const std::string& path);
 // Adds the command's own host memory to the library's plan.
 void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device);
 
-// A table, or JSON with --json, that compares needed with available memory.
 // What takes how long.
 struct PlannedTime {
-  std::int64_t steps = 0;
+  std::int64_t steps = 0;  // 0: found out by the fit
   double seconds = 0;
 };
 struct Plan {
@@ -77,6 +76,7 @@ struct Plan {
   vsplat_plan plan;
   std::optional<PlannedTime> time{};
 };
+// A table, or JSON with --json, that compares needed with available memory.
 void print_plans(const Common& common, const std::vector<Plan>& plans);
 
 }  // namespace command

@@ -72,7 +72,8 @@ Axis vertical(const Curve& curve, const Chart& chart) {
     return out;
   }
   if (chart.from_zero) out.low = 0;
-  const double margin = out.high > out.low ? 0.05 * (out.high - out.low) : std::max(1e-6, 0.05 * std::abs(out.high));
+  // Far above rounding, so that ticks differ.
+  const double margin = std::max({0.05 * (out.high - out.low), 1e-6, 1e-6 * std::abs(out.high)});
   if (!chart.from_zero) out.low -= margin;
   out.high += margin;
   return out;

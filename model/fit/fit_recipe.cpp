@@ -42,12 +42,12 @@ FitRecipe for_many(FitQuality quality, double object_pixels, long count) {
 
 // As for_many(), with rates for lengths in units of the cameras' spread, and with far Gaussians. A regulariser on
 // scales in place of the one on opacities keeps scenes opaque.
-FitRecipe for_whole(FitQuality quality, double pixels, long count) {
-  FitRecipe out = for_many(quality, pixels, count);
-  out.steps = steps_of(quality);
+FitRecipe for_whole(const FitRequest& request, double pixels, long count) {
+  FitRecipe out = for_many(request.quality, pixels, count);
+  out.steps = steps_of(request.quality);
   out.least_degree = 3;
   FitOptions& o = out.options;
-  o.rates.means = 3e-4;
+  o.rates.means = request.scattered ? 1e-3 : 3e-4;
   o.opacity_weight = 0;
   o.scale_weight = 0.3f;
   o.high_scale = 100;
@@ -63,7 +63,7 @@ int longest_of(FitQuality quality) {
 
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count) {
   const bool many = request.whole || views >= kManyViews;
-  FitRecipe out = request.whole ? for_whole(request.quality, object_pixels, count)
+  FitRecipe out = request.whole ? for_whole(request, object_pixels, count)
                   : many        ? for_many(request.quality, object_pixels, count)
                                 : for_few();
   FitOptions& o = out.options;

@@ -267,10 +267,7 @@ bool SceneFit::Impl::step() {
   follow(*left);
   left.reset();
   const double until_now = seconds + seconds_since(begun);
-  const long quarter = fitter->steps_done() / 3;  // of the steps, were the consolidation now
-  if (!done && request.seconds > 0 && consolidates() && !is_consolidated() &&
-      until_now + seconds_of_next() + static_cast<double>(quarter) * step_seconds >= request.seconds)
-    leg_steps = std::min(leg_steps, fitter->steps_done() + quarter);
+  if (!done && request.seconds > 0 && consolidates() && !is_consolidated()) leave_time_to_consolidate(until_now);
   pace.add(seconds_since(begun) - (waited - before), ctx.profiler().compilations());
   if (!done && request.seconds > 0 && until_now + seconds_of_next() >= request.seconds) finish();
   seconds += seconds_since(begun);
@@ -292,6 +289,23 @@ double SceneFit::Impl::seconds_of_next() const {
   // At the end every fitted picture is measured, and with growth also drawn with its gradient.
   if (!in_folds()) looks += (recipe.options.grow_every > 0 ? 4 : 1) * static_cast<double>(now.views.size());
   return step_seconds + looks * look;
+}
+
+// Ends the steps before the consolidation once the time left is what it and the last quarter of the steps take. It is
+// left out if it would take longer than they do. Not decided in the first epoch, whose steps read pictures.
+void SceneFit::Impl::leave_time_to_consolidate(double until_now) {
+  const long at = fitter->steps_done();
+  const auto fitted = static_cast<double>(legs[leg].views.size());
+  if (static_cast<double>(at) < fitted) return;
+  // Every fitted picture is drawn with its gradient, and those held out are measured.
+  const double reducing =
+      fitted * step_seconds + static_cast<double>(legs[leg].judges.size()) * look_seconds + seconds_of_reads(fitted);
+  const double refitting = static_cast<double>(at / 3) * step_seconds;
+  if (until_now + seconds_of_next() + reducing + refitting < request.seconds) return;
+  if (refitting > reducing)
+    leg_steps = std::min(leg_steps, at + at / 3);
+  else
+    recipe.consolidate = 1;
 }
 
 // The waits for pictures in the next `steps` steps: once for each that is not on the device. Where they do not all stay

@@ -41,7 +41,8 @@ struct FitRequest {
   std::optional<int> degree;  // of the spherical harmonics
   int longest = 512;          // pixels of a picture's longer side; 0: the picture's own size
   FitQuality quality = FitQuality::draft;
-  bool whole = false;  // a whole scene rather than an object in its cube
+  bool whole = false;      // a whole scene rather than an object in its cube
+  bool scattered = false;  // a whole scene whose start has Gaussians at random places
   FitFreeze freeze;
   bool poses = false, exposure = false;
   bool antialias = false;  // also on where Scene::antialias of the start is

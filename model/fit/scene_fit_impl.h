@@ -61,6 +61,7 @@ struct SceneFit::Impl {
   FitScore score_written();  // of `best` on the held-out pictures of the current phase
   // Estimate for the next step, the work after it, and the measurement of all pictures at the end.
   double seconds_of_next() const;
+  void leave_time_to_consolidate(double until_now);
   double seconds_of_reads(double steps) const;
   long measured_by_all(std::size_t rounds) const;
   bool has_time_for(double rounds) const;  // in the current fold's duration so far; true without a time limit

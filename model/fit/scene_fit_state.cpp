@@ -39,7 +39,8 @@ Gaussians best_in(const FitCheckpoint& from) {
 std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
-      "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} consolidate {} "
+      "recipe 2 steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} "
+      "consolidate {} "
       "seed {} whole {} quality {} centre {} {} {} edge {}",
       r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
       r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, static_cast<int>(r.density), exact_text(r.consolidate),

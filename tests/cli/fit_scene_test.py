@@ -66,9 +66,9 @@ class FitScene(support.Case):
         self.assertGreater(whole["result"]["psnr"], cube["result"]["psnr"] + 1)
 
     def test_points_make_the_start_and_better_scenes(self):
-        without, _ = self.told(*self.fit(steps=40))
+        without, _ = self.told(*self.fit())
         self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
-        listed, err = self.told(*self.fit(views="listed.json", steps=40, output="listed.ply"))
+        listed, err = self.told(*self.fit(views="listed.json", output="listed.ply"))
         self.assertIn(f"starts from {NEAR_BALL + WALL} points", err)
         self.assertGreater(listed["result"]["psnr"], without["result"]["psnr"])
 

@@ -381,7 +381,7 @@ class Fit(fit_case.FitCase):
         told = self.told("fit", self.photos, "--start", self.ball, "--dry-run")
         self.assertEqual([plan["fits"] for plan in told], [True])
         self.assertIn("24 x 24", told[0]["what"])
-        self.assertEqual(told[0]["steps"], 200)
+        self.assertNotIn("steps", told[0])  # views are left out in turn to find it
         self.assertGreater(told[0]["seconds"], 0)
         text = self.succeeds("fit", self.photos, "--start", self.ball, "--steps", 30, "--holdout", "none", "--dry-run")[0]
         self.assertRegex(text, r"time +about .* for 30 steps")
