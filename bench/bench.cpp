@@ -125,7 +125,7 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   else
     p.run();
   tell("checking", -1);
-  check(p, full, r);
+  check(p, options.model.empty() ? full : full + " with " + options.model, r);
   std::vector<Timed> timed = {{p.run, p.inputs}};
   if (options.references)
     for (const auto& [library, other] : p.references) {
