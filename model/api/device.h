@@ -31,6 +31,7 @@ struct vsplat_device_impl : vsplat::api::Counted {
   std::optional<vsplat::GaussianChunks> scene;
 
   std::vector<std::pair<std::string, std::string>> profile_names;  // subject of profiles
+  std::size_t peak_before = 0;  // bytes of device memory, before the latest fit began
 
   vsplat::api::JobQueue jobs;  // last member: its thread ends before anything that it uses is destroyed
 };

@@ -205,6 +205,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
+    device->peak_before = std::max(device->peak_before, device->context.memory().peak());
     device->context.memory().reset_peak();
     FitSource from = fit_source(device, made->photographs, o, made->used, request.longest);
     made->independent = from.start.independent;

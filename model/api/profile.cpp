@@ -1,4 +1,6 @@
 // Profiles of a device and of the host's work around it.
+#include <algorithm>
+
 #include "model/api/device.h"
 #include "runtime/clock.h"
 #include "runtime/fail.h"
@@ -64,8 +66,9 @@ vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_fo
     ctx.finish();
     const Profile profile = ctx.profiler().profile();
     const auto subject = [&]() -> ProfileSubject {
-      return {ctx.device().name,          ctx.device().driver, ctx.memory().peak(), device->profile_names,
-              peaks_if_any(ctx, profile), ctx.tuning().hash(), ctx.precision()};
+      return {ctx.device().name,     ctx.device().driver,        std::max(device->peak_before, ctx.memory().peak()),
+              device->profile_names, peaks_if_any(ctx, profile), ctx.tuning().hash(),
+              ctx.precision()};
     };
     switch (value_of(format)) {
       case VSPLAT_PROFILE_JSON:

@@ -73,8 +73,8 @@ FitSource whole_source(const Photographs& photographs, const vsplat_fit_options&
   if (from == VSPLAT_FIT_POINTS) start.points = points_of(photographs);
   if (from == VSPLAT_FIT_AUTO)
     if (std::optional<ListedPoints> found = listed_points(photographs.set)) start.points = std::move(found->points);
-  out.scattered = from != VSPLAT_FIT_SCENE && start.points.empty();
   keep_reliable(start.points);
+  out.scattered = from != VSPLAT_FIT_SCENE && start.points.empty();
   start.frame = scene_frame(cameras, start.points);
   if (o.near_plane > 0) start.frame.near = o.near_plane;
   info("{}", start.frame.found);

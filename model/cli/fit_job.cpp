@@ -277,12 +277,8 @@ Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
   const ordered_json settings = ordered_json::parse(fit.settings());
   const ordered_json& most = settings["derived"]["max_gaussians"];
   const std::uint64_t gaussians = most.is_number() ? most.get<std::uint64_t>() : fit.start().info().count;
-  int width = 1, height = 1;
-  for (const std::int32_t view : fit.views(VSPLAT_FIT_USED)) {
-    const vsplat_camera c = fit.camera(static_cast<std::size_t>(view));
-    if (static_cast<double>(c.width) * c.height > static_cast<double>(width) * height)
-      width = c.width, height = c.height;
-  }
+  const ordered_json& picture = settings["derived"]["picture"];
+  const int width = picture[0].get<int>(), height = picture[1].get<int>();
   const int degree = settings["sh"].get<int>();
   char title[160];
   std::snprintf(title, sizeof title, "the fit: up to %llu Gaussians of degree %d, pictures of %d x %d",

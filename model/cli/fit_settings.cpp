@@ -94,18 +94,18 @@ AppliedSettings apply_settings(const std::vector<CLI::Option*>& options, const o
 
 namespace {
 
-// What the command line decides with another option is not taken from a file, either.
-void leave_out_decided(const std::vector<CLI::Option*>& options, ordered_json& settings) {
+// What the command line decides with another option is not taken from a file, either. A record also holds what followed
+// from such an option in its fit.
+void leave_out_decided(const std::vector<CLI::Option*>& options, ordered_json& settings, bool is_record) {
   const auto is_given = [&](const std::string& name) {
     return std::any_of(options.begin(), options.end(),
                        [&](const CLI::Option* option) { return option->count() > 0 && field_of(*option) == name; });
   };
   std::vector<const char*> decided;
-  if (is_given("scene") || is_given("object"))
-    decided = {"scene", "object", "steps", "sh", "background", "consolidate"};
-  if (is_given("scene")) decided.insert(decided.end(), {"center", "scale", "auto-frame"});
-  if (is_given("max-gaussians") || is_given("freeze") || is_given("views")) decided.push_back("consolidate");
-  if (is_given("start")) decided.insert(decided.end(), {"model", "view-count", "crop"});
+  if (is_given("scene") || is_given("object")) decided = {"scene", "object"};
+  if (is_record && !decided.empty())
+    decided.insert(decided.end(), {"steps", "sh", "background", "center", "scale", "auto-frame"});
+  if (is_record && is_given("start")) decided.insert(decided.end(), {"model", "view-count", "crop"});
   if (is_given("quality")) decided.insert(decided.end(), {"steps", "size"});
   for (const char* name : decided)
     if (const auto field = settings.find(name); field != settings.end()) *field = nullptr;
@@ -118,14 +118,14 @@ AppliedSettings apply_settings_file(const std::vector<CLI::Option*>& options, co
   if (!file.is_object()) throw UsageError(path + ": must be an object of settings (found " + short_text(file) + ")");
   const auto settings = file.find("settings");
   if (settings == file.end()) {
-    leave_out_decided(options, file);
+    leave_out_decided(options, file, false);
     return apply_settings(options, file, path + ": ");
   }
   if (!settings->is_object()) wrong(path + ": settings", "an object", *settings);
   for (const auto& [name, value] : file.items())
     if (std::find(std::begin(fit_record_fields), std::end(fit_record_fields), name) == std::end(fit_record_fields))
       throw UsageError(path + ": " + name + ": no such field beside \"settings\"");
-  leave_out_decided(options, *settings);
+  leave_out_decided(options, *settings, true);
   return apply_settings(options, *settings, path + ": settings.");
 }
 
@@ -191,8 +191,8 @@ namespace {
 void add_scene_options(CLI::App& sub, FitOptions& o) {
   sub.add_option(
          "--quality", o.quality,
-         "Number of steps (a quarter more for an object) and pixels of the pictures' longer side: draft 2,000 and 512, "
-         "normal 7,000 and 1,024, high 30,000 and 1,600 (default: draft)")
+         "Number of steps (a quarter more for an object with 12 pictures or more) and pixels of the pictures' longer "
+         "side: draft 2,000 and 512, normal 7,000 and 1,024, high 30,000 and 1,600 (default: draft)")
       ->check(one_of({"draft", "normal", "high"}))
       ->type_name("draft|normal|high");
   sub.add_option("--steps", o.steps,

@@ -66,7 +66,7 @@ std::string model_name(const std::string& path);
 // Adds the command's own host memory to the library's plan.
 void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device);
 
-// What takes how long.
+// How long a number of steps takes.
 struct PlannedTime {
   std::int64_t steps = 0;  // 0: found out by the fit
   double seconds = 0;

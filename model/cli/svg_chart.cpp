@@ -72,8 +72,9 @@ Axis vertical(const Curve& curve, const Chart& chart) {
     return out;
   }
   if (chart.from_zero) out.low = 0;
-  // Far above rounding, so that ticks differ.
-  const double margin = std::max({0.05 * (out.high - out.low), 1e-6, 1e-6 * std::abs(out.high)});
+  // Values that rounding may tell apart count as equal: ticks must differ.
+  const double size = std::max(std::abs(out.low), std::abs(out.high)), spread = out.high - out.low;
+  const double margin = spread > 1e-9 * size ? 0.05 * spread : std::max(1e-6, 0.05 * size);
   if (!chart.from_zero) out.low -= margin;
   out.high += margin;
   return out;

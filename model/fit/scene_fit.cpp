@@ -296,12 +296,14 @@ double SceneFit::Impl::seconds_of_next() const {
 void SceneFit::Impl::leave_time_to_consolidate(double until_now) {
   const long at = fitter->steps_done();
   const auto fitted = static_cast<double>(legs[leg].views.size());
-  if (static_cast<double>(at) < fitted) return;
+  const std::optional<double> each = pace.seconds();  // not the latest steps, which may have compiled
+  if (static_cast<double>(at) < fitted || !each) return;
   // Every fitted picture is drawn with its gradient, and those held out are measured.
   const double reducing =
-      fitted * step_seconds + static_cast<double>(legs[leg].judges.size()) * look_seconds + seconds_of_reads(fitted);
-  const double refitting = static_cast<double>(at / 3) * step_seconds;
-  if (until_now + seconds_of_next() + reducing + refitting < request.seconds) return;
+      fitted * *each + static_cast<double>(legs[leg].judges.size()) * look_seconds + seconds_of_reads(fitted);
+  const double refitting = static_cast<double>(at / 3) * *each;
+  // As many draws of every picture again at the end: see seconds_of_next().
+  if (until_now + 2 * reducing + refitting < request.seconds) return;
   if (refitting > reducing)
     leg_steps = std::min(leg_steps, at + at / 3);
   else

@@ -50,6 +50,7 @@ std::string SceneFit::settings() const {
   // turn, the number of steps is found out, and is not given.
   const bool finds_steps = i.legs.size() > 1 || i.unknown;
   const bool grows = i.recipe.options.grow_every > 0;
+  const Camera largest = i.pictures.largest(i.used);
   ordered_json out = {
       {"steps", or_null(r.steps > 0 || !finds_steps, r.steps > 0 ? r.steps : i.recipe.steps)},
       {"time", or_null(r.seconds > 0, r.seconds)},
@@ -57,7 +58,7 @@ std::string SceneFit::settings() const {
       {"size", r.longest > 0 ? ordered_json(r.longest) : ordered_json("full")},
       {"max-gaussians", or_null(r.max_gaussians > 0, r.max_gaussians)},
       {"strategy", r.density == DensityStrategy::error ? "error" : "mcmc"},
-      {"consolidate", or_null(r.consolidate > 0 || i.recipe.consolidate < 1, i.recipe.consolidate)},
+      {"consolidate", or_null(r.consolidate > 0, r.consolidate)},
       {"sh", i.degree},
       {"freeze", freeze_of(r.freeze)},
       {"seed", r.seed},
@@ -71,6 +72,8 @@ std::string SceneFit::settings() const {
   out["derived"] = {
       {"extent", r.whole ? "scene" : "object"},
       {"max_gaussians", or_null(grows, i.recipe.options.max_gaussians)},
+      {"consolidate", i.recipe.consolidate},
+      {"picture", {largest.width, largest.height}},
       {"center", {frame.centre.x(), frame.centre.y(), frame.centre.z()}},
       {"scale", frame.edge * i.given.cube},
   };

@@ -19,8 +19,8 @@ struct WholeStart {
 
 // Gaussians of isotropic_scene(), coloured by what `views` show:
 // - one at each point, or at an even sample of the points if there are too many;
-// - without points `random` at random pixels of the views, at random depths about the point where the axes meet (or
-//   about five units if they do not meet);
+// - without points `random`, of opacity 0.1, at random pixels of the views and random depths about the point where the
+//   axes meet (or about five units if they do not meet);
 // - in addition 5 %, at most 10,000, at a distance of 10 to 100 units, at random pixels where no points are.
 // Equal arguments give equal scenes.
 Scene whole_scene(const WholeStart& start, const Photographs& photographs, const std::vector<int>& views);

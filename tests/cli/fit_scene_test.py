@@ -61,6 +61,13 @@ class FitScene(support.Case):
         self.assertEqual(record["derived"]["extent"], "scene")
         self.succeeds("fit", self.path("transforms.json"), "--settings", self.path("out.fit.json"), "--output", self.path("again.ply"), "--quiet")
         self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("again.ply"), "rb").read())
+        # What a whole scene derived is not given back to an object.
+        told, _ = self.told(*self.fit("--object", "--start", "random", "--settings", self.path("out.fit.json"), "--quality", "draft", steps=3,
+                                      output="settings.ply"))
+        with open(told["settings"]) as f:
+            settings = json.load(f)["settings"]
+        self.assertEqual((settings["object"], settings["scene"], settings["background"]), (True, False, "auto"))
+        self.assertLess(settings["sh"], 3)
         cube, err = self.told(*self.fit("--object", "--start", "random", output="object.ply"))
         self.assertIn("the object's cube: centre", err)
         self.assertGreater(whole["result"]["psnr"], cube["result"]["psnr"] + 1)

@@ -100,6 +100,7 @@ TEST_F(WholeStartTest, WithoutPointsTheyAreWhereThePicturesLook) {
   EXPECT_EQ(make({}).gaussians.count, 3150U);
   const Scene scene = make({}, 2000);
   ASSERT_EQ(scene.gaussians.count, 2000U);
+  for (const float opacity : scene.gaussians.opacities) EXPECT_FLOAT_EQ(opacity, 0.1f);
   std::size_t above = 0;
   for (std::size_t k = 0; k < 2000; ++k) {
     bool seen = false;

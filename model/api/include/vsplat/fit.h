@@ -216,8 +216,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_result(vsplat_fit fit, 
 /* The settings in effect, after defaults and what depends on the views and the start, as a JSON object by the names of
    `vsplat fit`'s options: {"steps": 2000, "size": 512, "sh": 2, "max-gaussians": null, ...}; null: not limited, or
    found out by the fit. The field "derived" holds what is no option, or must not be given back as one:
-   {"extent", "max_gaussians", "center", "scale"}; a whole scene's "scale" is its unit of length. Free the text with
-   vsplat_text_free. */
+   {"extent", "max_gaussians", "consolidate", "picture", "center", "scale"}; "picture" is the largest one's [width,
+   height] in pixels, and a whole scene's "scale" its unit of length. Free the text with vsplat_text_free. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_settings(vsplat_fit fit, char** out_text);
 
 typedef enum vsplat_fit_views {
