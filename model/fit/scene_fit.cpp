@@ -301,11 +301,12 @@ void SceneFit::Impl::leave_time_to_consolidate(double until_now) {
   // Every fitted picture is drawn with its gradient, and those held out are measured.
   const double reducing =
       fitted * *each + static_cast<double>(legs[leg].judges.size()) * look_seconds + seconds_of_reads(fitted);
-  const double refitting = static_cast<double>(at / 3) * *each;
+  const long more = at / 3;
+  const double refitting = static_cast<double>(more) * *each;
   // As many draws of every picture again at the end: see seconds_of_next().
   if (until_now + 2 * reducing + refitting < request.seconds) return;
   if (refitting > reducing)
-    leg_steps = std::min(leg_steps, at + at / 3);
+    leg_steps = std::min(leg_steps, at + more);
   else
     recipe.consolidate = 1;
 }

@@ -1,5 +1,6 @@
 #include "model/fit/whole_start.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -39,7 +40,7 @@ class Occupied {
  private:
   std::size_t cell(double u, double v) const {
     const auto along = [this](double x) { return std::clamp(static_cast<int>(x / cell_), 0, kCells - 1); };
-    return static_cast<std::size_t>(along(v) * kCells + along(u));
+    return static_cast<std::size_t>(along(v)) * kCells + static_cast<std::size_t>(along(u));
   }
   double cell_;
   std::vector<bool> cells_;

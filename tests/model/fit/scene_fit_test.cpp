@@ -364,8 +364,8 @@ TEST_F(SceneFitTest, BadInputIsRefused) {
 
 TEST(Outliers, AreFarBelowTheOthers) {
   const auto scores = [](std::vector<double> psnr) {
-    std::vector<FitScore> out;
-    for (const double v : psnr) out.push_back({v, 0});
+    std::vector<FitScore> out(psnr.size());
+    for (std::size_t i = 0; i < psnr.size(); ++i) out[i].psnr = psnr[i];
     return out;
   };
   EXPECT_TRUE(outliers(scores({30, 31, 10, 30})).empty());  // too few to decide

@@ -20,7 +20,7 @@ class WholeStartTest : public ::testing::Test {
       ListedView view;
       view.camera.width = view.camera.height = kWholeSide;
       view.camera.fx = view.camera.fy = kWholeSide;
-      view.camera.cx = view.camera.cy = kWholeSide / 2;
+      view.camera.cx = view.camera.cy = kWholeSide / 2.0;
       view.camera.w2c(0, 3) = 1 - 0.5 * i;
       view.name = view.picture = std::to_string(i);
       photographs_.set.views.push_back(view);
@@ -37,10 +37,13 @@ class WholeStartTest : public ::testing::Test {
 
   // Points in the right half of all pictures.
   std::vector<ColoredPoint> points(int count) const {
-    std::vector<ColoredPoint> out;
-    for (int i = 0; i < count; ++i)
-      out.push_back(
-          {Vector3d(1 + 1.2 * (i % 25) / 25.0, 2.4 * (i / 25) / (count / 25.0) - 1.2, 6), {255, 0, 0}, 0.5, 4});
+    constexpr int kColumns = 25;
+    std::vector<ColoredPoint> out(static_cast<std::size_t>(count));
+    for (int i = 0; i < count; ++i) {
+      const int column = i % kColumns, row = i / kColumns;
+      out[static_cast<std::size_t>(i)] = {
+          Vector3d(1 + 1.2 * column / kColumns, 2.4 * kColumns * row / count - 1.2, 6), {255, 0, 0}, 0.5, 4};
+    }
     return out;
   }
   Scene make(std::vector<ColoredPoint> points, long most = 0, std::uint64_t seed = 3) {
@@ -82,8 +85,8 @@ TEST_F(WholeStartTest, PointsComeFirstAndFarOnesWhereThereAreNone) {
                  std::floor(there->y() / 2) == std::floor(at->y() / 2);
         };
         alone = alone || std::none_of(all.begin(), all.end(), in_its_cell);
-        EXPECT_NEAR(0.5 + kShC0 * g.sh[3 * k + 2], at->y() < kWholeSide / 2 - 1,
-                    at->y() > kWholeSide / 2 + 1 ? 0.01 : 1.01);
+        EXPECT_NEAR(0.5 + kShC0 * g.sh[3 * k + 2], at->y() < kWholeSide / 2.0 - 1,
+                    at->y() > kWholeSide / 2.0 + 1 ? 0.01 : 1.01);
       }
     EXPECT_TRUE(seen);
     EXPECT_TRUE(alone);
