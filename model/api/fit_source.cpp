@@ -222,6 +222,7 @@ FitSource object_source(vsplat_device device, const Photographs& photographs, co
         out.make = Prediction(device, photographs, o, input, placed.cube, std::move(inputs), made.selected);
       }
       out.independent = true;
+      out.dense = true;
       return made;
     case VSPLAT_FIT_POINTS: {
       const std::vector<ColoredPoint> points = points_of(photographs);

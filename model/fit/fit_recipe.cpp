@@ -8,6 +8,7 @@ namespace {
 
 // The share of an object's Gaussians that stays: with a quarter more steps, PSNR changes by less than 0.2 dB.
 constexpr double kObjectShare = 0.5;
+constexpr double kMergedPerPixel = 0.75;          // half of what an object may grow to
 constexpr long kLeastJudged = 100, kJudged = 20;  // measured so often, but not after fewer steps
 
 long steps_of(FitQuality quality) {
@@ -59,6 +60,12 @@ FitRecipe for_whole(const FitRequest& request, double pixels, long count) {
 
 int longest_of(FitQuality quality) {
   return quality == FitQuality::high ? 1600 : quality == FitQuality::normal ? 1024 : 512;
+}
+
+std::size_t merged_count(const FitRequest& request, double object_pixels) {
+  const auto most = static_cast<long>(kMergedPerPixel * object_pixels);
+  return static_cast<std::size_t>(
+      std::max(1L, request.max_gaussians > 0 ? std::min(most, request.max_gaussians) : most));
 }
 
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count) {

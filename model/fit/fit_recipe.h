@@ -15,6 +15,9 @@ struct FitRecipe {
 // The length in pixels of pictures' longer sides, unless the request sets it.
 int longest_of(FitQuality quality);
 
+// The number of Gaussians that a dense start is merged to, at most; `object_pixels` as below.
+std::size_t merged_count(const FitRequest& request, double object_pixels);
+
 // `views`: the views used, both fitted and held out. `object_pixels`: pixels that show the object, on average over the
 // pictures. `count`: Gaussians of the start.
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count);

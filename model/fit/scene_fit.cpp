@@ -11,6 +11,7 @@
 #include "model/fit/beside_cube.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_plan.h"
+#include "model/fit/merged_gaussians.h"
 #include "model/fit/scene_fit_impl.h"
 #include "model/fit/suspects.h"
 #include "model/views/view_choice.h"
@@ -159,8 +160,10 @@ void SceneFit::Impl::begin_leg() {
     fail(Status::usage, "the start's Gaussians are surfels: only those of three scales can be fitted");
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
-  recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),
-                      static_cast<long>(scene.gaussians.count));
+  const double shown = object_pixels(now.views);
+  if (given.dense && used.size() >= kManyViews)
+    scene.gaussians = merged_gaussians(scene.gaussians, merged_count(request, shown));
+  recipe = fit_recipe(request, static_cast<long>(used.size()), shown, static_cast<long>(scene.gaussians.count));
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();
   degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));

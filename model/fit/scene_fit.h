@@ -64,6 +64,8 @@ struct FitStart {
   std::function<Scene(const std::vector<int>& views)> make;
   // Whether such a scene has seen nothing of the other views, so that an improvement on those is a real one.
   bool independent = false;
+  // Whether the scene may have more Gaussians than pictures can show; with many views they are merged to fewer.
+  bool dense = false;
   double cube = 1;  // edge of the object's cube about the centre, in units of the frame
 };
 

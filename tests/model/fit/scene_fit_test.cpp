@@ -103,6 +103,34 @@ TEST_F(SceneFitTest, TheStartIsReturnedWhereItIsBest) {
   EXPECT_LT(result.result.psnr, result.start.psnr);
 }
 
+// Each Gaussian of the start becomes fifty with a fraction of its light, as a network's are.
+TEST_F(SceneFitTest, ADenseStartIsMergedIfThereAreManyViews) {
+  make(12);
+  const Gaussians once = start_.gaussians;
+  Gaussians& g = start_.gaussians;
+  for (int copy = 1; copy < 50; ++copy)
+    for (auto values :
+         {&Gaussians::means, &Gaussians::scales, &Gaussians::quats, &Gaussians::opacities, &Gaussians::sh})
+      (g.*values).insert((g.*values).end(), (once.*values).begin(), (once.*values).end());
+  g.count *= 50;
+  for (float& opacity : g.opacities) opacity = 0.03f;
+  FitRequest request;
+  request.steps = 1;
+  const auto begun_with = [&](bool dense) {
+    FitStart from = start();
+    from.dense = dense;
+    return SceneFit(ctx(), photographs_, from, request).progress().gaussians;
+  };
+  EXPECT_EQ(begun_with(false), 3000);
+  EXPECT_LE(begun_with(true), 60);
+  EXPECT_GT(begun_with(true), 40);
+  request.max_gaussians = 20;
+  EXPECT_LE(begun_with(true), 20);
+  request.max_gaussians = 0;
+  request.names = {"@0", "@1", "@2", "@3"};
+  EXPECT_EQ(begun_with(true), 3000);
+}
+
 TEST_F(SceneFitTest, SameBitsThreeTimesAndAnotherSeedOthers) {
   make(12);
   FitRequest request;
