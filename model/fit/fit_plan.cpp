@@ -5,6 +5,11 @@
 #include "runtime/units.h"
 
 namespace vsplat {
+namespace {
+
+constexpr long kParts = 64;  // precision of affordable_gaussians(), as a share
+
+}  // namespace
 
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera) {
@@ -18,6 +23,27 @@ FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const
   fitter.step(picture);
   fitter.measure(picture);
   return {planner->memory().peak(), planner->stage_memory()};
+}
+
+long affordable_gaussians(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                          const Camera& camera) {
+  const auto fits = [&](long most) {
+    FitOptions some = options;
+    some.max_gaussians = most;
+    try {
+      return plan_fit(ctx, start, near, some, camera).peak <= ctx.memory().limits().total;
+    } catch (const Error& e) {
+      if (e.status() != Status::memory) throw;
+      return false;
+    }
+  };
+  if (fits(options.max_gaussians)) return options.max_gaussians;
+  long low = static_cast<long>(start.count), high = options.max_gaussians;
+  while (high - low > high / kParts) {
+    const long middle = low + (high - low) / 2;
+    (fits(middle) ? low : high) = middle;
+  }
+  return low;
 }
 
 std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,

@@ -13,6 +13,11 @@ struct FitMemory {
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera);
 
+// The largest options.max_gaussians up to the given one with which the fit fits into the device memory that may be used;
+// the start's number if none does.
+long affordable_gaussians(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                          const Camera& camera);
+
 // Bytes of device memory left beside the fit. Error(memory) with both figures if the fit needs more than may be used.
 std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                        const Camera& camera);

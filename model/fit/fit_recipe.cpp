@@ -8,6 +8,10 @@ namespace {
 
 // The share of an object's Gaussians that stays: with a quarter more steps, PSNR changes by less than 0.2 dB.
 constexpr double kObjectShare = 0.5;
+// Steps for each picture of a whole scene above which the rates of colours fall, and those of view-dependent ones are
+// lower: else colours are fitted to the latest pictures, and to what only one shows. Objects lose 0.2 dB by it.
+constexpr double kVisitsToFall = 20, kVisitsToLower = 125;
+constexpr double kLeastFall = 0.1;
 constexpr double kMergedPerPixel = 0.75;          // half of what an object may grow to
 constexpr long kLeastJudged = 100, kJudged = 20;  // measured so often, but not after fewer steps
 
@@ -68,6 +72,15 @@ std::size_t merged_count(const FitRequest& request, double object_pixels) {
       std::max(1L, request.max_gaussians > 0 ? std::min(most, request.max_gaussians) : most));
 }
 
+void grow_to(FitRecipe& recipe, long most, long count) {
+  FitOptions& o = recipe.options;
+  o.max_gaussians = most;
+  if (o.grow_every <= 0) return;
+  // Growth reaches the maximum after two fifths of the steps: Gaussians that are added later are not fitted well.
+  const double rounds = std::max(1.0, 0.4 * static_cast<double>(recipe.steps) / static_cast<double>(o.grow_every));
+  o.growth = std::pow(static_cast<double>(most) / static_cast<double>(count), 1 / rounds);
+}
+
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count) {
   const bool many = request.whole || views >= kManyViews;
   FitRecipe out = request.whole ? for_whole(request, object_pixels, count)
@@ -75,16 +88,15 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
                                 : for_few();
   FitOptions& o = out.options;
   if (request.steps > 0) out.steps = request.steps;
+  if (request.whole) {
+    const double visits = static_cast<double>(out.steps) / static_cast<double>(views);
+    o.sh_fall = std::clamp(kVisitsToFall / visits, kLeastFall, 1.0);
+    o.rates.sh_rest *= std::sqrt(std::min(1.0, kVisitsToLower / visits));
+  }
   if (many) out.judge_every = std::max(kLeastJudged, out.steps / kJudged);
   if (many) o.steps = out.steps;
   o.grow_until = out.steps * 3 / 4;
-  if (request.max_gaussians > 0) o.max_gaussians = request.max_gaussians;
-  o.max_gaussians = std::max(o.max_gaussians, count);
-  // Growth reaches the maximum after two fifths of the steps: Gaussians that are added later are not fitted well.
-  if (o.grow_every > 0) {
-    const double rounds = std::max(1.0, 0.4 * static_cast<double>(out.steps) / static_cast<double>(o.grow_every));
-    o.growth = std::pow(static_cast<double>(o.max_gaussians) / static_cast<double>(count), 1 / rounds);
-  }
+  grow_to(out, std::max(request.max_gaussians > 0 ? request.max_gaussians : o.max_gaussians, count), count);
   const bool halves = many && !request.whole && request.max_gaussians == 0;
   out.consolidate = request.consolidate > 0 ? request.consolidate : halves ? kObjectShare : 1;
   o.density = request.density;

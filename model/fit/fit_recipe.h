@@ -22,4 +22,7 @@ std::size_t merged_count(const FitRequest& request, double object_pixels);
 // pictures. `count`: Gaussians of the start.
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count);
 
+// Sets the number of Gaussians that a fit which starts with `count` grows to.
+void grow_to(FitRecipe& recipe, long most, long count);
+
 }  // namespace vsplat

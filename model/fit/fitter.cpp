@@ -249,8 +249,8 @@ void Fitter::move() {
   const GaussianGradients d = gradient();
   const bool shape = step_ > options_.colours_first;
   const double done = std::min(1.0, static_cast<double>(step_) / static_cast<double>(options_.steps));
-  const double fall = std::pow(options_.means_fall, done);
-  const double means = shape ? options_.rates.means * fall : 0;
+  const double means = shape ? options_.rates.means * std::pow(options_.means_fall, done) : 0;
+  const double colours = std::pow(options_.sh_fall, done);
   const auto adam = [&](const Tensor& x, const Tensor& g, const Tensor& m, const Tensor& v, double rate, float low,
                         float high, long head, double rest) {
     SplatAdam a{x, g, m, v, step_ - replaced_after_, rate, head, rest};
@@ -265,7 +265,7 @@ void Fitter::move() {
        std::log(options_.low_scale), std::log(options_.high_scale), 0, 0);
   adam(now.x.quats, d.quats, now.m.quats, now.v.quats, shape ? options_.rates.quats : 0, -any, any, 0, 0);
   adam(now.x.logits, d.opacities, now.m.logits, now.v.logits, options_.rates.logits, kLeastLogit, kMostLogit, 0, 0);
-  adam(now.x.sh, d.sh, now.m.sh, now.v.sh, options_.rates.sh, -any, any, 3, options_.rates.sh_rest);
+  adam(now.x.sh, d.sh, now.m.sh, now.v.sh, colours * options_.rates.sh, -any, any, 3, colours * options_.rates.sh_rest);
   if (sky_) sky_->move(ctx_, step_);
   if (options_.noise > 0 && shape)
     splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed,

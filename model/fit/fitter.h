@@ -25,8 +25,9 @@ struct FitRates {
 
 struct FitOptions {
   FitRates rates;
-  long steps = 800;           // over which the means' learning rate decays
+  long steps = 800;           // over which learning rates decay
   double means_fall = 0.1;    // final decay factor of that rate
+  double sh_fall = 1;         // likewise, of the spherical harmonics' rates
   long colours_first = 0;     // initial steps that change only colours and opacities
   float ssim_weight = 0;      // weight of 1 - SSIM in the loss, added to the mean absolute error
   float alpha_weight = 0.1f;  // weight of alpha's mean absolute error; masked pictures only

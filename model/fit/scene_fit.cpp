@@ -19,6 +19,7 @@
 #include "runtime/log.h"
 #include "runtime/option.h"
 #include "runtime/profile/profiler.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 namespace {
@@ -189,7 +190,9 @@ void SceneFit::Impl::begin_leg() {
   exposures.clear();
   resident.clear();
   resident_bytes = 0;
-  spare_bytes = spare_room(ctx, start, scene.near, recipe.options, pictures.largest(used));
+  const Camera largest = pictures.largest(used);
+  limit_growth(start, scene.near, largest);
+  spare_bytes = spare_room(ctx, start, scene.near, recipe.options, largest);
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
   if (recipe.options.antialias) fitter->set_cameras(pictures.cameras(now.views));
   leg_began = seconds;  // not before: what is above may throw, and is then begun again
@@ -197,6 +200,18 @@ void SceneFit::Impl::begin_leg() {
   const Uncancelled whole(ctx);
   judge();
   if (leg_steps == 0) end_leg();
+}
+
+// Unless a number of Gaussians was asked for, it grows no further than memory allows; when resumed, as it would have.
+void SceneFit::Impl::limit_growth(const Gaussians& start, float near, const Camera& largest) {
+  if (request.max_gaussians > 0 || recipe.options.grow_every == 0) return;
+  const long wanted = recipe.options.max_gaussians;
+  const long most = resuming ? grows_to : affordable_gaussians(ctx, start, near, recipe.options, largest);
+  if (most < wanted && !resuming)
+    warn("the scene grows to {} Gaussians, as many as {:.4g} GiB of device memory allow ({}), not to {}", most,
+         gib(ctx.memory().limits().total), Option::max_memory, wanted);
+  grow_to(recipe, most, static_cast<long>(start.count));
+  grows_to = most;
 }
 
 // The largest number of steps that all of the first `rounds` folds have measured.

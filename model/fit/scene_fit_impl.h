@@ -63,6 +63,7 @@ struct SceneFit::Impl {
   double seconds_of_next() const;
   void leave_time_to_consolidate(double until_now);
   double seconds_of_reads(double steps) const;
+  void limit_growth(const Gaussians& start, float near, const Camera& largest);
   long measured_by_all(std::size_t rounds) const;
   bool has_time_for(double rounds) const;  // in the current fold's duration so far; true without a time limit
   double object_pixels(const std::vector<int>& views);
@@ -88,7 +89,8 @@ struct SceneFit::Impl {
   std::vector<Leg> legs;  // the last phase makes the result; each one before it leaves one view out
   std::size_t leg = 0;
   FitRecipe recipe;
-  int degree = 0;  // of the spherical harmonics
+  int degree = 0;     // of the spherical harmonics
+  long grows_to = 0;  // Gaussians, unless the request says so; a resumed fit keeps it, whatever memory there is now
   long leg_steps = 0;
   std::unique_ptr<Fitter> fitter;  // of the current phase
   std::optional<Scene> first;      // the start of the last phase, in the world

@@ -39,7 +39,7 @@ Gaussians best_in(const FitCheckpoint& from) {
 std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
-      "recipe 2 steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} "
+      "recipe 3 steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} "
       "consolidate {} "
       "seed {} whole {} quality {} centre {} {} {} edge {}",
       r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
@@ -91,6 +91,7 @@ void SceneFit::Impl::save() const {
     out.state["best_degree"] = std::to_string(best->sh_degree);
   }
   hold_tuning(ctx, out.state);
+  out.state["grows_to"] = std::to_string(grows_to);
   out.state["leg"] = std::to_string(leg);
   out.state["steps"] = std::to_string(fitter->steps_done());
   out.state["leg_steps"] = std::to_string(leg_steps);
@@ -118,6 +119,7 @@ void SceneFit::Impl::save() const {
 void SceneFit::Impl::read_place(const FitCheckpoint& from) {
   leg = static_cast<std::size_t>(whole_number(from, "leg"));
   if (leg >= legs.size()) fail(Status::format, "a fit's state is of leg {}, of which there are {}", leg, legs.size());
+  grows_to = whole_number(from, "grows_to");
   for (const auto& [name, text] : from.state) {
     long at = 0;
     if (std::sscanf(name.c_str(), "curve.%ld.psnr", &at) != 1 || !name.ends_with(".psnr")) continue;

@@ -93,5 +93,41 @@ TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
   test::expect_error(Status::usage, {"12 views", "3 are used"}, [&] { run(request); });
 }
 
+// As many as the memory allows, if none are asked for. Resumed with more memory, it grows no further than it would have.
+TEST_F(SceneFitTest, AGrowingSceneStaysWithinTheMemory) {
+  make(12);
+  FitRequest request;
+  request.steps = 60;
+  const auto finished = [this](Context& on, const FitRequest& asked) {
+    SceneFit fit(on, photographs_, start(), asked);
+    long most = 0;
+    do most = std::max(most, fit.progress().gaussians);
+    while (fit.step());
+    return std::pair(most, fit.result().scene.gaussians.means);
+  };
+  const auto wide = test::open_context(Flavour::cpu);
+  const long freely = finished(*wide, request).first;
+  ContextOptions little;
+  little.max_memory_gib = 0.75 * static_cast<double>(wide->memory().peak()) / (1ull << 30);
+  const auto tight = test::open_context(Flavour::cpu, little);
+  const auto [most, want] = finished(*tight, request);
+  EXPECT_LT(most, freely);
+  EXPECT_GT(most, static_cast<long>(start_.gaussians.count));
+  EXPECT_LE(tight->memory().peak(), tight->memory().limits().total);
+
+  const test::TemporaryFolder folder;
+  request.checkpoint = folder.path();
+  {
+    SceneFit fit(*tight, photographs_, start(), request);
+    for (int i = 0; i < 20; ++i) fit.step();
+  }
+  request.resume = true;
+  EXPECT_EQ(finished(*wide, request).second, want);
+
+  FitRequest many;
+  many.max_gaussians = freely;
+  test::expect_error(Status::memory, {std::to_string(freely)}, [&] { finished(*tight, many); });
+}
+
 }  // namespace
 }  // namespace vsplat
