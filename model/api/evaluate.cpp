@@ -239,6 +239,7 @@ vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene, vsp
     const std::vector<int> wanted = measured_views(photographs.set, o);
     const std::vector<Lpips> nets = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
     std::vector<const Lpips*> lpips;
+    lpips.reserve(nets.size());
     for (const Lpips& net : nets) lpips.push_back(&net);
     std::vector<PictureScores> all;
     for (std::size_t i = 0; i < wanted.size(); ++i) {

@@ -77,8 +77,9 @@ void read_fit(Fields& fields, SceneSet& set, const fs::path& folder) {
   ordered_json placed = given ? *given : ordered_json::object();
   for (const char* name : {"start", "model"}) {
     const auto field = placed.find(name);
-    if (field == placed.end() || !field->is_string() || *field == "") continue;
+    if (field == placed.end() || !field->is_string()) continue;
     const std::string text = field->get<std::string>();
+    if (text.empty()) continue;
     if (name != std::string("start") || start_of(text) == VSPLAT_FIT_SCENE) *field = (folder / text).string();
   }
   const AppliedSettings applied = apply_settings(allowed, placed, fields.told("fit") + ".");

@@ -120,8 +120,8 @@ class Table {
  public:
   explicit Table(const TableRequest& request) : request_(request) {}
 
-  void add(Row row) {
-    rows_.push_back(std::move(row));
+  void add(const Row& row) {
+    rows_.push_back(row);
     std::stable_sort(rows_.begin(), rows_.end(), [](const Row& a, const Row& b) {
       return std::tie(a.data, a.views, a.system) < std::tie(b.data, b.views, b.system);
     });
@@ -285,7 +285,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
         try {
           Row row = measured(session, model, sets[d], options);
           row.data = d, row.views = v, row.system = s;
-          table.add(std::move(row));
+          table.add(row);
         } catch (const vsplat::Error& e) {  // finished rows are printed
           if (table.size() > 0) print(common, table);
           if (e.status() == VSPLAT_ERROR_CANCELLED)

@@ -315,6 +315,7 @@ void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vspla
     for (std::size_t row = 0; row < most_rows; ++row) which[row] = which[row * all / most_rows];
   if (!are_held_out) which.resize(std::min(all, most_rows));
   std::vector<vsplat_camera> cameras;  // as corrected
+  cameras.reserve(which.size());
   for (const std::int32_t view : which) cameras.push_back(fit.camera(static_cast<std::size_t>(view)));
   vsplat_measure_options how = VSPLAT_MEASURE_OPTIONS_INIT;
   how.views = which.data();

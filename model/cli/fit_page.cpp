@@ -155,6 +155,7 @@ std::string time_section(const FitPage& page) {
     seconds += row.seconds, calls += row.calls;
   }
   std::vector<Share> by_stage;
+  by_stage.reserve(stages.size());
   for (const auto& [stage, sum] : stages)
     by_stage.push_back({stage.empty() ? "(no stage)" : stage, sum.first, std::to_string(sum.second)});
   std::stable_sort(by_stage.begin(), by_stage.end(),
@@ -173,6 +174,11 @@ std::string settings_table(const nlohmann::ordered_json& settings) {
   return out + "</tbody></table></div>\n";
 }
 
+std::size_t channel_at(const vsplat::Picture& picture, int x, int y, int c) {
+  const auto row = static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width);
+  return 3 * (row + static_cast<std::size_t>(x)) + static_cast<std::size_t>(c);
+}
+
 // The mean of squares of factor x factor pixels; what is left at the far sides is dropped.
 vsplat::Picture scaled_down(const vsplat::Picture& from) {
   const int factor = (std::max(from.width, from.height) + longest_side - 1) / longest_side;
@@ -184,8 +190,8 @@ vsplat::Picture scaled_down(const vsplat::Picture& from) {
       int count = 0;
       for (int v = y * factor; v < std::min((y + 1) * factor, from.height); ++v)
         for (int u = x / 3 * factor; u < std::min((x / 3 + 1) * factor, from.width); ++u, ++count)
-          sum += from.colour[static_cast<std::size_t>(3 * (v * from.width + u) + x % 3)];
-      out.colour[static_cast<std::size_t>(3 * y * out.width + x)] = sum / static_cast<float>(count);
+          sum += from.colour[channel_at(from, u, v, x % 3)];
+      out.colour[channel_at(out, x / 3, y, x % 3)] = sum / static_cast<float>(count);
     }
   return out;
 }

@@ -63,6 +63,7 @@ std::string AppliedSettings::told(const std::string& message) const {
 AppliedSettings apply_settings(const std::vector<CLI::Option*>& options, const ordered_json& fields,
                                const std::string& where) {
   std::vector<std::string> known;
+  known.reserve(options.size());
   for (const CLI::Option* option : options) known.push_back(field_of(*option));
   for (const auto& [name, value] : fields.items())
     if (std::find(known.begin(), known.end(), name) == known.end()) {

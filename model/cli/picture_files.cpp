@@ -233,6 +233,7 @@ void PictureJob::save_cameras(const std::vector<vsplat_camera>& all, Outputs& ou
   namespace fs = std::filesystem;
   std::vector<std::string> names;
   std::vector<const char*> files;
+  files.reserve(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
     const fs::path picture = fs::absolute(file(i)).lexically_normal();
     const fs::path from = fs::absolute(write_cameras).lexically_normal().parent_path();

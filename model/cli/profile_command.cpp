@@ -120,6 +120,7 @@ std::vector<Change> kernels_side_by_side(const ReadProfile& before, const ReadPr
   for (const auto& [key, seconds] : before.kernels) named(key).before = seconds;
   for (const auto& [key, seconds] : after.kernels) named(key).after = seconds;
   std::vector<Change> out;
+  out.reserve(rows.size());
   for (const auto& [key, row] : rows) out.push_back(row);
   std::stable_sort(out.begin(), out.end(), [](const Change& a, const Change& b) {
     return std::abs(a.after - a.before) > std::abs(b.after - b.before);

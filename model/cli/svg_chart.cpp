@@ -40,16 +40,20 @@ struct Axis {
   std::vector<double> ticks() const {
     std::vector<double> out;
     if (logarithmic) {
-      for (double decade = std::pow(10, std::floor(std::log10(low))); decade <= high; decade *= 10)
-        for (const double times : {1.0, 2.0, 5.0})
-          if (decade * times >= low && decade * times <= high) out.push_back(decade * times);
+      const int first = static_cast<int>(std::floor(std::log10(low))), last = static_cast<int>(std::log10(high));
+      for (int power = first; power <= last; ++power)
+        for (const double times : {1.0, 2.0, 5.0}) {
+          const double tick = std::pow(10, power) * times;
+          if (tick >= low && tick <= high) out.push_back(tick);
+        }
       if (out.size() >= 2) return out;
       out.clear();
     }
     const double rough = (high - low) / 5, decade = std::pow(10, std::floor(std::log10(rough)));
     const double step = decade * (rough > 5 * decade ? 10 : rough > 2 * decade ? 5 : rough > decade ? 2 : 1);
-    for (double tick = std::ceil(low / step) * step; tick <= high * (1 + 1e-12); tick += step)
-      out.push_back(std::abs(tick) < step / 1e6 ? 0 : tick);
+    const double first = std::ceil(low / step);
+    for (int i = 0; i < 10; ++i)
+      if (const double tick = (first + i) * step; tick <= high * (1 + 1e-12)) out.push_back(tick);
     return out;
   }
 };

@@ -81,6 +81,7 @@ void SceneFit::Impl::prune() {
   reduce(
       [](const std::vector<float>& weights) {
         std::vector<bool> out;
+        out.reserve(weights.size());
         for (const float weight : weights) out.push_back(weight >= kLeastWeight);
         return out;
       },

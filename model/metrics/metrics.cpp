@@ -183,6 +183,7 @@ double ssim(const Image& a, const Image& b) {
   constexpr int worth_a_thread = 1 << 16;
   const auto how = a.width * a.height < worth_a_thread ? std::launch::deferred : std::launch::async;
   std::vector<std::future<double>> sums;
+  sums.reserve(static_cast<std::size_t>(a.channels));
   for (int c = 0; c < a.channels; ++c) sums.push_back(std::async(how, [&, c] { return summed_similarity(a, b, c); }));
   double total = 0;
   for (std::future<double>& sum : sums) total += sum.get();

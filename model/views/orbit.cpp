@@ -142,6 +142,7 @@ std::vector<Ball> without_floaters(std::vector<Ball> balls) {
   constexpr double few = 0.02;
   const Vector3d middle = median_of(balls);
   std::vector<double> distances;
+  distances.reserve(balls.size());
   for (const Ball& b : balls) distances.push_back((b.mean - middle).norm());
   const double most = far_off * median(distances);
   const auto is_far = [&](const Ball& b) { return (b.mean - middle).norm() > most; };

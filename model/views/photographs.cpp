@@ -144,8 +144,8 @@ PictureNames LoadedPhotograph::names() const {
 
 std::optional<MaskShares> LoadedPhotograph::shares() {
   if (!is_masked()) return std::nullopt;
-  const std::unique_ptr<PixelRows> rows = has_object_mask() ? mask() : picture();
-  return mask_shares(*rows);
+  if (has_object_mask()) return mask_shares(*mask());
+  return mask_shares(*picture());
 }
 
 FramedView LoadedPhotograph::framed(const Framing& framing) {

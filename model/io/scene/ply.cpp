@@ -91,7 +91,9 @@ Layout find_columns(const std::string& path, const PlyElement& vertex) {
   if (vertex.find("scale_0") && vertex.find("scale_1") && !vertex.find("scale_2")) out.kind = GaussianKind::surfel;
   out.is_round = vertex.find("scale_0") && !vertex.find("scale_1") && !vertex.find("scale_2");
   std::vector<std::string> scales;
-  for (int i = 0; i < (out.is_round ? 1 : scales_of(out.kind)); ++i) scales.push_back(fmt::format("scale_{}", i));
+  const int num_scales = out.is_round ? 1 : scales_of(out.kind);
+  scales.reserve(static_cast<std::size_t>(num_scales));
+  for (int i = 0; i < num_scales; ++i) scales.push_back(fmt::format("scale_{}", i));
   out.scales = add_group(path, vertex, out, scales);
   out.quats = add_group(path, vertex, out, {"rot_0", "rot_1", "rot_2", "rot_3"});
   return out;

@@ -58,7 +58,7 @@ long projection_width(const Context& ctx) {
 }
 
 void bind_gaussians(Dims& d, const DeviceGaussians& g, const char* n, GaussianKind kind) {
-  d.bind("means", g.means, {n, "3"}).bind("scales", g.scales, {n, std::to_string(scales_of(kind)).c_str()});
+  d.bind("means", g.means, {n, "3"}).bind("scales", g.scales, {n, std::to_string(scales_of(kind))});
   d.bind("quats", g.quats, {n, "4"}).bind("opacities", g.opacities, {n}).bind("sh", g.sh, {n, "S", "3"});
   const long s = d["S"];
   if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project: {} spherical harmonics", s);

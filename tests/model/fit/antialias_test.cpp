@@ -33,15 +33,19 @@ Gaussians fine_scene(std::size_t count, std::uint32_t seed) {
   return g;
 }
 
+std::size_t index_of(int x, int y, int width, int c) {
+  return 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) +
+         static_cast<std::size_t>(c);
+}
+
 // [H,W,3] means over squares of n x n pixels.
 std::vector<double> smaller(const std::vector<float>& pixels, int width, int n) {
   const int out = width / n;
-  std::vector<double> sums(static_cast<std::size_t>(3 * out * out));
+  std::vector<double> sums(index_of(0, out, out, 0));
   for (int y = 0; y < out * n; ++y)
     for (int x = 0; x < out * n; ++x)
       for (int c = 0; c < 3; ++c)
-        sums[static_cast<std::size_t>(3 * (y / n * out + x / n) + c)] +=
-            static_cast<double>(pixels[static_cast<std::size_t>(3 * (y * width + x) + c)]) / (n * n);
+        sums[index_of(x / n, y / n, out, c)] += static_cast<double>(pixels[index_of(x, y, width, c)]) / (n * n);
   return sums;
 }
 

@@ -89,7 +89,8 @@ double slope(const std::vector<double>& colours, const Camera& camera) {
   double sum = 0;
   int count = 0;
   const auto at = [&](int x, int y, int c) {
-    return colours[static_cast<std::size_t>(3 * (camera.width * y + x) + c)];
+    const auto row = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(y);
+    return colours[3 * (row + static_cast<std::size_t>(x)) + static_cast<std::size_t>(c)];
   };
   for (int y = 0; y + 1 < camera.height; ++y)
     for (int x = 0; x + 1 < camera.width; ++x)
@@ -114,6 +115,7 @@ TEST_P(Background, LearnsASkyAndWritesIt) {
     given.push_back(picture);
   }
   std::vector<DeviceFitPicture> pictures;
+  pictures.reserve(given.size());
   for (const FitPicture& picture : given) pictures.push_back(upload(ctx(), picture));
   FitOptions options;
   options.background.kind = FitBackground::Kind::sky;

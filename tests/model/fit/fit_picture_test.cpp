@@ -28,7 +28,8 @@ TEST(FitPicture, WindowsAreKnownWhereAPixelIs) {
       for (int x = 0; x < 13; ++x) {
         bool any = false;
         for (int i = 0; i < 121; ++i)
-          any = any || p.known[static_cast<std::size_t>((y + i / 11) * 23 + x + i % 11)] != 0;
+          any =
+              any || p.known.at(static_cast<std::size_t>(y + i / 11) * 23 + static_cast<std::size_t>(x + i % 11)) != 0;
         want += any ? 1 : 0;
       }
     EXPECT_DOUBLE_EQ(known_window_share(p.known, 23, 17), want / 91.0) << of;

@@ -27,6 +27,7 @@ double mean_of_nearest(const std::vector<ColoredPoint>& points, std::size_t i) {
 
 TEST(FitStart, PointsBecomeRoundGaussiansAsLargeAsTheirNeighboursAreFar) {
   std::vector<ColoredPoint> points;
+  points.reserve(60);
   for (int i = 0; i < 60; ++i)
     points.push_back(point(0.4 * std::sin(i), 0.4 * std::cos(3.0 * i), 0.4 * std::sin(7.0 * i)));
   const Scene scene = scene_from_points(points, cube());
@@ -93,8 +94,8 @@ struct Pictures {
       Image out(kSide, kSide, radius > 0 ? 4 : 3);
       for (int y = 0; y < kSide; ++y)
         for (int x = 0; x < kSide; ++x) {
-          float* pixel = &out.data[static_cast<std::size_t>((y * kSide + x) * out.channels)];
-          const bool inside = std::hypot(x + 0.5 - kSide / 2, y + 0.5 - kSide / 2) < radius;
+          float* pixel = &out.data[static_cast<std::size_t>(y * kSide + x) * static_cast<std::size_t>(out.channels)];
+          const bool inside = std::hypot(x + 0.5 - kSide / 2.0, y + 0.5 - kSide / 2.0) < radius;
           pixel[0] = inside ? 1.0f : 0.5f, pixel[1] = pixel[2] = inside ? 0.0f : 0.5f;
           if (radius > 0) pixel[3] = inside ? 1.0f : 0.0f;
         }
@@ -108,7 +109,7 @@ struct Pictures {
     Camera out;
     out.width = out.height = kSide;
     out.fx = out.fy = 2.0 * kSide;
-    out.cx = out.cy = kSide / 2;
+    out.cx = out.cy = kSide / 2.0;
     const Eigen::Vector3d forward(std::cos(angle), std::sin(angle), 0), down(0, 0, -1), right = down.cross(forward);
     Eigen::Matrix3d R;
     R << right.transpose(), down.transpose(), forward.transpose();

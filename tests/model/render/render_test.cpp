@@ -10,6 +10,7 @@
 #include "model/base/scene.h"
 #include "model/diagnose/selftest/reference/splat.h"
 #include "model/io/scene/ply.h"
+#include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
 #include "tests/support/scenes.h"

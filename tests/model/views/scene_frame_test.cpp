@@ -53,6 +53,7 @@ TEST(SceneFrame, FarFromTheOriginItIsAsExact) {
 
 TEST(SceneFrame, TheNearPlaneFollowsTheNearestSeenPoint) {
   std::vector<ColoredPoint> points;
+  points.reserve(102);
   for (int i = 0; i < 100; ++i) points.push_back(at(0, 0, 5 + i));
   points.push_back(at(0, 0, -1));    // behind
   points.push_back(at(50, 0, 0.1));  // beside
@@ -68,6 +69,7 @@ TEST(SceneFrame, CamerasAtOnePlaceNeedPoints) {
 
 TEST(SceneFrame, PointsThatTheNearPlaneCutsAreTold) {
   std::vector<ColoredPoint> points;
+  points.reserve(10);
   for (int i = 0; i < 10; ++i) points.push_back(at(0, 0, 1 + i));
   const std::vector<Camera> cameras = ring(2, 0.1);
   EXPECT_EQ(cut_by_near(cameras, points, 0.5), "");

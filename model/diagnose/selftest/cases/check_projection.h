@@ -2,10 +2,12 @@
 // projection makes of each Gaussian, against differences of that loss.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/projection_rows.h"
+#include "model/diagnose/selftest/inputs/random_scenes.h"
 #include "model/ops/render/project.h"
 #include "model/ops/render/project_surfels.h"
 

@@ -74,9 +74,10 @@ void decode_coarse_all(Checks& c) {
     const double voxel = 1.0 / static_cast<double>(t.r);
     for (long k = 0; k < n; ++k) {
       const long i = k / t.each;
-      const double anchor[3] = {(static_cast<double>(i / (t.r * t.r)) + 0.5) * voxel - 0.5,
-                                (static_cast<double>(i / t.r % t.r) + 0.5) * voxel - 0.5,
-                                (static_cast<double>(i % t.r) + 0.5) * voxel - 0.5};
+      const long x = i / (t.r * t.r), y = i / t.r % t.r, z = i % t.r;
+      const double anchor[3] = {(static_cast<double>(x) + 0.5) * voxel - 0.5,
+                                (static_cast<double>(y) + 0.5) * voxel - 0.5,
+                                (static_cast<double>(z) + 0.5) * voxel - 0.5};
       const float* row = &raw[size_of(k, size)];
       ref::decode(row, anchor, t.reach * voxel, voxel, 3 * t.s, want, static_cast<int>(t.scales), t.exponential);
       ref::decode_backward(row, t.reach * voxel, voxel, 3 * t.s, d, size_of(k), by, size_of(t.scales), t.exponential);

@@ -12,6 +12,14 @@
 namespace vsplat::selftest {
 namespace {
 
+// Makes each Gaussian's quaternion another multiple of its length.
+void lengthen_quats(Gaussians& g, float by) {
+  for (std::size_t i = 0; i < g.quats.size(); ++i) {
+    const std::size_t gaussian = i / 4;
+    g.quats[i] *= by * static_cast<float>(1 + gaussian);
+  }
+}
+
 // Whether any pixel of tile (tx, ty) gets alpha >= 1/255, by a margin.
 bool touches(const ref::Splat& s, int tx, int ty) {
   const double det = s.a * s.c - s.b * s.b;
@@ -94,7 +102,7 @@ void project_all(Checks& c) {
   const SceneCase mirrored{"", 100, 2, 64, 64, ""}, long_quats{"", 60, 0, 64, 64, ""};
   project_of(c, make_scene(mirrored, 22), make_camera(mirrored, 22), {.mirror = Eigen::Vector3d(0.5, -1, 0.25)});
   Gaussians g = make_scene(long_quats, 23);
-  for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= static_cast<float>(1 + i / 4);
+  lengthen_quats(g, 1);
   project_of(c, g, make_camera(long_quats, 23), {});
 }
 
@@ -114,7 +122,7 @@ void project_backward_all(Checks& c) {
     check_projection(c, make_scene(mirrored, 32), make_camera(mirrored, 32), {},
                      {.mirror = Eigen::Vector3d(0.5, -1, 0.25)});
     Gaussians g = make_scene(any_length, 33);
-    for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= 0.125f * static_cast<float>(1 + i / 4);
+    lengthen_quats(g, 0.125f);
     check_projection(c, g, make_camera(any_length, 33), {});
   }
   // Sums of the rows that were written, into the scene's own Gaussians; what no pixel sees stays.

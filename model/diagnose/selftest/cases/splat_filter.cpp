@@ -70,6 +70,7 @@ void filter_of(Checks& c, std::size_t count) {
   auto variances = random_floats(count, 3, 0, 0.01f);
   if (count > 2) variances[count / 2] = 0;
   std::vector<float> scales;
+  scales.reserve(log_scales.size());
   std::vector<double> want_scales, want_opacities, want_dscales, want_dopacities;
   for (const float x : log_scales) scales.push_back(std::exp(x));
   for (std::size_t k = 0; k < count; ++k) {

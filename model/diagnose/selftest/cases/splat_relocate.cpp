@@ -38,6 +38,7 @@ void splat_relocate_of(Checks& c, std::size_t count, double growth) {
   constexpr float gone = -20;
   const auto random = random_floats(count, static_cast<std::uint32_t>(count), 0, 1);
   std::vector<float> logits;
+  logits.reserve(count);
   for (const float r : random) logits.push_back(r < 0.3f ? gone : r < 0.7f ? 0.0f : 20.0f);
   logits[count / 2] = 0;
   const auto grow_to = static_cast<std::size_t>(growth * static_cast<double>(count)), capacity = grow_to + 2;
