@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_fit_pictures.h"
@@ -93,40 +94,29 @@ TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
   test::expect_error(Status::usage, {"12 views", "3 are used"}, [&] { run(request); });
 }
 
-// As many as the memory allows, if none are asked for. Resumed with more memory, it grows no further than it would have.
-TEST_F(SceneFitTest, AGrowingSceneStaysWithinTheMemory) {
-  make(12);
-  FitRequest request;
-  request.steps = 60;
-  const auto finished = [this](Context& on, const FitRequest& asked) {
-    SceneFit fit(on, photographs_, start(), asked);
-    long most = 0;
-    do most = std::max(most, fit.progress().gaussians);
-    while (fit.step());
-    return std::pair(most, fit.result().scene.gaussians.means);
-  };
-  const auto wide = test::open_context(Flavour::cpu);
-  const long freely = finished(*wide, request).first;
+// As many as the memory allows, and hardly fewer.
+TEST_F(SceneFitTest, GrowthIsLimitedByTheMemory) {
+  make(1);
   ContextOptions little;
-  little.max_memory_gib = 0.75 * static_cast<double>(wide->memory().peak()) / (1ull << 30);
+  little.max_memory_gib = 0.1;
   const auto tight = test::open_context(Flavour::cpu, little);
-  const auto [most, want] = finished(*tight, request);
-  EXPECT_LT(most, freely);
-  EXPECT_GT(most, static_cast<long>(start_.gaussians.count));
-  EXPECT_LE(tight->memory().peak(), tight->memory().limits().total);
-
-  const test::TemporaryFolder folder;
-  request.checkpoint = folder.path();
-  {
-    SceneFit fit(*tight, photographs_, start(), request);
-    for (int i = 0; i < 20; ++i) fit.step();
-  }
-  request.resume = true;
-  EXPECT_EQ(finished(*wide, request).second, want);
-
-  FitRequest many;
-  many.max_gaussians = freely;
-  test::expect_error(Status::memory, {std::to_string(freely)}, [&] { finished(*tight, many); });
+  const Camera camera = photographs_.set.views[0].camera;
+  FitOptions options;
+  options.grow_every = 1;
+  const auto peak_of = [&](long most) {
+    options.max_gaussians = most;
+    return plan_fit(*tight, start_.gaussians, start_.near, options, camera).peak;
+  };
+  options.max_gaussians = 1000;
+  EXPECT_EQ(affordable_gaussians(*tight, start_.gaussians, start_.near, options, camera), 1000);
+  options.max_gaussians = 1000000;
+  const long most = affordable_gaussians(*tight, start_.gaussians, start_.near, options, camera);
+  const std::size_t limit = tight->memory().limits().total;
+  EXPECT_LE(peak_of(most), limit);
+  test::expect_error(Status::memory, {"not enough device memory"}, [&] {
+    options.max_gaussians = most + 1000000 / 32;
+    spare_room(*tight, start_.gaussians, start_.near, options, camera);
+  });
 }
 
 }  // namespace
