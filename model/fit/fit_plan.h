@@ -13,8 +13,8 @@ struct FitMemory {
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera);
 
-// The largest options.max_gaussians up to the given one with which the fit fits into the device memory that may be used;
-// the start's number if none does.
+// The largest options.max_gaussians, up to the given one, that the device memory that may be used allows; the start's
+// number if it allows none.
 long affordable_gaussians(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                           const Camera& camera);
 

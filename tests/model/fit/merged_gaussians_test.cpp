@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "model/base/scene.h"
-#include "model/render/supersample.h"
+#include "model/render/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

@@ -28,7 +28,7 @@ TEST(SeenPoints, WhatIsBehindOrBesideIsNotSeen) {
 
 std::vector<ColoredPoint> points(int good, int seen_twice, int wrong) {
   std::vector<ColoredPoint> out;
-  out.reserve(static_cast<std::size_t>(good + seen_twice + wrong));
+  out.reserve(static_cast<std::size_t>(good) + static_cast<std::size_t>(seen_twice) + static_cast<std::size_t>(wrong));
   for (int i = 0; i < good; ++i) out.push_back({{0, 0, 1}, {}, 2.0, 3});
   for (int i = 0; i < seen_twice; ++i) out.push_back({{0, 0, 2}, {}, 0.1, 2});
   for (int i = 0; i < wrong; ++i) out.push_back({{0, 0, 3}, {}, 2.1, 9});
