@@ -94,8 +94,10 @@ void fit(FitCommand& o) {
   if (uses_network(s)) session.about("model", model_name(s.model));
   session.about("scene", o.views);
   inputs->load();
-  const vsplat::Scene result = job.run(session, o.common, views, outputs);
-  file.save(o.common, result);
+  const vsplat::Scene result = job.run(session, o.common, views, outputs, {}, [&](const vsplat::Scene& scene) {
+    file.save(o.common, scene);
+    outputs.keep();
+  });
   session.write_profile(outputs);
   outputs.commit();
   job.summarise(o.common);
