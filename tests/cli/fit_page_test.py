@@ -158,6 +158,7 @@ class FitPage(fit_case.FitCase):
         refused(["poses", "true or false"], {"poses": 1})
         refused(["sh is 9"], {"sh": 9})
         refused(["steps", "text"], {"steps": {}})
+        refused(["views is", "without commas"], {"views": ["a,b.png"]})
         refused(["object"], [3])
         refused(["settings.steps is", "many", "whole number"], {"settings": {"steps": "many"}})
         refused(["steps is", "1e+300"], {"steps": 1e300})
