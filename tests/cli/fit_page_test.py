@@ -76,8 +76,8 @@ class FitPage(fit_case.FitCase):
 
     def test_a_file_that_cannot_be_written_does_not_cost_the_scene(self):
         state = self.path("state")
-        process = subprocess.Popen([support.VSPLAT, *self.fit("--holdout", "none", "--steps", 300, "--checkpoint", state, "--sheet",
-                                                              self.path("gone", "sheet.png"))], stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.fit("--holdout", "none", "--steps", 300, "--checkpoint", state, "--sheet",
+                                                              self.path("gone", "sheet.png")))], stderr=subprocess.PIPE, text=True)
         while not os.path.isdir(state):
             self.assertIsNone(process.poll())
             time.sleep(0.005)
