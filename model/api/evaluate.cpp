@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <deque>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -21,6 +22,7 @@
 #include "model/io/picture/image_file.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 #include "runtime/option.h"
 
 struct vsplat_evaluation_impl : vsplat::api::Counted {
@@ -256,8 +258,14 @@ vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene, vsp
       told.drawn = drawn.data.data(), told.given = given.picture.data.data();
       if (o.on_picture && !o.on_picture(o.user, &told))
         fail(Status::cancelled, "stopped after {} of {} pictures", i + 1, wanted.size());
+      if (std::isnan(told.psnr))
+        warn("{}: no pixel of it is inside its mask, so nothing can be measured on it: it is left out of the means",
+             photographs.set.views[static_cast<std::size_t>(wanted[i])].name);
     }
-    give(out_mean, measured(mean_of(all), -1), "out_mean");
+    const PictureScores mean = mean_of(all);
+    if (std::isnan(mean.psnr))
+      fail(Status::input, "no pixel of the {} pictures is inside its mask, so nothing can be measured", all.size());
+    give(out_mean, measured(mean, -1), "out_mean");
   });
 }
 

@@ -212,23 +212,25 @@ vsplat::Scene fitted_scene(SceneSet& set, const Split& split, const vsplat::View
   FitInputs inputs(set.settings, *set.job);
   for (const std::string& path : {start_file(set.settings), set.settings.model}) outputs.input(path);
   inputs.load();
-  vsplat::Scene out = set.job->run(session, common, views, outputs);
-  if (interrupted()) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "interrupted");
+  const auto keep = [&](const vsplat::Scene& scene) {
+    if (interrupted()) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "interrupted");
+    if (!set.file) return;
+    set.file->save(common, scene);
+    outputs.keep();
+  };
+  vsplat::Scene out = set.job->run(session, common, views, outputs, {}, keep);
   row.steps = static_cast<double>(set.job->result().steps);
   row.seconds = set.job->result().seconds;
   row.peak = static_cast<double>(set.job->result().peak);
   Colour& over = row.fit_over.emplace();
   std::copy_n(set.job->result().background, over.size(), over.begin());
-  if (set.file) {
-    set.file->save(common, out);
-    outputs.keep();
-  }
   return out;
 }
 
 SceneRow measured(SceneSet& set, Session& session, const Common& common, const ScenesOptions& o, Outputs& outputs) {
   SceneRow row;
   row.name = set.name;
+  if (set.job) set.job->since = elapsed_seconds();
   const vsplat::Views views = load_views(set.views, set.pictures, &outputs);
   const vsplat::Views test = set.test.empty() ? views : load_views(set.test, set.pictures, &outputs);
   const Split split = split_of(set, views);

@@ -94,8 +94,10 @@ void fit(FitCommand& o) {
   if (uses_network(s)) session.about("model", model_name(s.model));
   session.about("scene", o.views);
   inputs->load();
-  const vsplat::Scene result = job.run(session, o.common, views, outputs);
-  file.save(o.common, result);
+  const vsplat::Scene result = job.run(session, o.common, views, outputs, {}, [&](const vsplat::Scene& scene) {
+    file.save(o.common, scene);
+    outputs.keep();
+  });
   session.write_profile(outputs);
   outputs.commit();
   job.summarise(o.common);
@@ -124,7 +126,7 @@ void add_fit(CLI::App& app, Run& run) {
   o->options = add_fit_settings(*sub, o->settings);
   sub->add_option("--settings", o->settings_file,
                   "Settings for what is not given here: the SCENE.fit.json of an earlier fit, or an object of options "
-                  "by their names, {\"steps\": 3000}")
+                  "by their names, {\"steps\": 3000}; paths in it are relative to the current folder")
       ->type_name("FILE.json");
   const char* files = "Beside the scene";
   sub->add_option("--page", fit_options.page,

@@ -1,11 +1,12 @@
 #include "fit_job.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 
 #include "arguments.h"
 #include "naming.h"
@@ -19,44 +20,6 @@ using nlohmann::ordered_json;
 constexpr std::size_t most_rows = 24, large_rows = 8;
 constexpr int large_cell = 512;
 constexpr double page_every = 30;  // seconds from one page of a fit in progress to the next
-
-bool is_number(const std::string& text) {
-  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
-}
-
-// A number from 1 up; `also` names what else is accepted.
-std::int64_t count_of(const std::string& option, const std::string& text, const std::string& also) {
-  const std::uint64_t value = is_number(text) && text.size() < 11 ? std::stoull(text) : 0;
-  if (value < 1 || value > INT32_MAX)
-    throw UsageError(option + " is \"" + text + "\": " + also + "a whole number from 1 up expected");
-  return static_cast<std::int64_t>(value);
-}
-
-std::uint32_t freeze_of(const std::string& text) {
-  std::uint32_t out = 0;
-  for (const std::string& name : list("--freeze", text)) {
-    const std::uint32_t bit = name == "means"       ? VSPLAT_FREEZE_MEANS
-                              : name == "scales"    ? VSPLAT_FREEZE_SCALES
-                              : name == "rotations" ? VSPLAT_FREEZE_ROTATIONS
-                              : name == "opacities" ? VSPLAT_FREEZE_OPACITIES
-                              : name == "sh"        ? VSPLAT_FREEZE_SH
-                                                    : 0;
-    if (bit == 0)
-      throw UsageError("--freeze is \"" + text + "\": of means,scales,rotations,opacities,sh expected, not " + name);
-    out |= bit;
-  }
-  return out;
-}
-
-void set_background(vsplat_fit_options& options, const std::string& text) {
-  if (text.empty() || text == "auto") return;
-  options.background = text == "random" ? VSPLAT_BACKGROUND_RANDOM
-                       : text == "sky"  ? VSPLAT_BACKGROUND_SKY
-                                        : VSPLAT_BACKGROUND_COLOUR;
-  if (options.background != VSPLAT_BACKGROUND_COLOUR) return;
-  const std::array<float, 3> given = colour("--background", text);
-  std::copy(given.begin(), given.end(), options.background_colour);
-}
 
 std::string two_digits(double value) {
   char text[32];
@@ -147,54 +110,6 @@ ordered_json number_json(double value) { return std::isfinite(value) ? ordered_j
 
 }  // namespace
 
-FitJob::FitJob(const FitOptions& o, const FitNames& names)
-    : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint), page_path_(o.page), record_(o.record) {
-  options.poses = o.poses;
-  options.exposure = o.exposure;
-  options.antialias = o.antialias;
-  set_background(options, o.background);
-  if (o.masks == "ignore") options.masks = VSPLAT_MASKS_IGNORE;  // already checked by CLI11
-  options.invert_masks = o.invert_masks;
-  options.checkpoint = checkpoint_.empty() ? nullptr : checkpoint_.c_str();
-  options.resume = o.resume;
-  if (o.resume && checkpoint_.empty()) throw UsageError("--resume needs --checkpoint, the folder of the state");
-  if (!o.steps.empty() && o.steps != "auto") options.steps = count_of(names.steps, o.steps, "auto or ");
-  if (!o.seconds.empty()) options.seconds = positive_number(names.time, o.seconds, "number of seconds");
-  if (!o.max_gaussians.empty())
-    options.max_gaussians = static_cast<std::uint64_t>(count_of("--max-gaussians", o.max_gaussians, ""));
-  if (o.strategy == "error") options.density = VSPLAT_DENSITY_ERROR;  // already checked by CLI11
-  if (!o.consolidate.empty()) {
-    options.consolidate = positive_number("--consolidate", o.consolidate, "share of the Gaussians, 1 for all");
-    if (options.consolidate > 1)
-      throw UsageError("--consolidate is \"" + o.consolidate + "\": a share above 0 and at most 1 expected");
-  }
-  if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // already checked by CLI11
-  if (!o.freeze.empty()) options.freeze = freeze_of(o.freeze);
-  if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
-  options.quality = o.quality == "high"     ? VSPLAT_QUALITY_HIGH
-                    : o.quality == "normal" ? VSPLAT_QUALITY_NORMAL
-                                            : VSPLAT_QUALITY_DRAFT;
-  if (o.size == "full")
-    options.longest = 0;
-  else if (!o.size.empty())
-    options.longest = static_cast<std::int32_t>(count_of(names.size, o.size, "full or "));
-  if (o.holdout == "none") {
-    options.holdout = VSPLAT_HOLDOUT_NONE;
-  } else if (is_number(o.holdout)) {
-    options.holdout = VSPLAT_HOLDOUT_COUNT;
-    options.holdout_count = static_cast<std::int32_t>(count_of("--holdout", o.holdout, "auto, none, names or "));
-  } else if (!o.holdout.empty() && o.holdout != "auto") {
-    options.holdout = VSPLAT_HOLDOUT_NAMES;
-    holdout_ = list("--holdout", o.holdout);
-    for (const std::string& name : holdout_) holdout_pointers_.push_back(name.c_str());
-    options.holdout_names = holdout_pointers_.data();
-    options.num_holdout_names = holdout_pointers_.size();
-  }
-  need_ending(names.sheet, sheet_, ".png");
-  need_ending("--log", log_, ".csv");
-  need_ending("--page", page_path_, ".html");
-}
-
 void FitJob::expect(Outputs& outputs, const std::string& output) {
   output_ = output;
   if (options.poses) poses_ = std::filesystem::path(output).replace_extension(".poses.json").string();
@@ -214,7 +129,8 @@ std::vector<std::string> FitJob::names_of(const vsplat::Fit& fit, vsplat_fit_vie
 }
 
 vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
-                          const std::function<void(const vsplat::Scene&)>& on_start) {
+                          const std::function<void(const vsplat::Scene&)>& on_start,
+                          const std::function<void(const vsplat::Scene&)>& on_result) {
   session.start("fitting");
   show_progress(common, "fitting: reading pictures");
   const vsplat::Fit fit = naming({from}, {checkpoint_}, [&] { return vsplat::Fit(session.device(), views, options); });
@@ -225,7 +141,7 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   page_.views = from;
   page_.device = session.device().info().name;
   const double begun = elapsed_seconds();
-  page_.before = begun;
+  page_.before = begun - since;
   double paged = begun;
   vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
   for (bool more = true; more;) {
@@ -263,10 +179,23 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   } catch (const std::exception& e) {  // what was fitted is not lost
     warn(std::string("the result is not measured on its pictures: ") + e.what());
   }
-  if (!log_.empty()) write_text(outputs.begin(log_), log_text(page_, psnr_cc_));
-  if (!record_.empty()) write_record(session, fit, scene, outputs);
-  if (!page_path_.empty()) end_page(session, scene, outputs, begun);
-  if (!sheet_.empty()) draw_sheet(session, fit, scene, outputs);
+  if (on_result) on_result(scene);
+  std::string failed;
+  const auto write = [&](const std::string& path, const std::function<void()>& file) {
+    if (path.empty()) return;
+    try {
+      file();
+      outputs.keep();
+    } catch (const std::exception& e) {
+      outputs.drop();
+      failed += (failed.empty() ? "" : "; ") + path + " is not: " + e.what();
+    }
+  };
+  write(log_, [&] { write_text(outputs.begin(log_), log_text(page_, psnr_cc_)); });
+  write(record_, [&] { write_record(session, fit, scene, outputs); });
+  write(page_path_, [&] { end_page(session, scene, outputs, begun); });
+  write(sheet_, [&] { draw_sheet(session, fit, scene, outputs); });
+  if (!failed.empty()) throw std::runtime_error((on_result ? output_ + " is written; " : "") + failed);
   return scene;
 }
 
@@ -392,22 +321,22 @@ void FitJob::write_page(const Session& session, Outputs& outputs) {
 
 void FitJob::end_page(const Session& session, const vsplat::Scene& scene, Outputs& outputs, double begun) {
   const vsplat_fit_result& r = result_;
-  const auto told = [](double value, int digits) {
+  const auto told = [](double value, int digits, const char* unit = "") {
     char text[32];
     std::snprintf(text, sizeof text, "%.*f", digits, value);
-    return std::isfinite(value) ? std::string(text) : std::string("-");
+    return std::isfinite(value) ? text + std::string(unit) : std::string(std::isinf(value) ? "equal" : "-");
   };
   page_.state = std::string(stopped_ ? "Stopped early" : "Finished") +
                 (r.returned ? ": the start was best, and is written." : ".");
   page_.figures = {{"steps", std::to_string(r.steps)},
                    {"Gaussians", std::to_string(scene.info().count)},
-                   {"time", seconds_text(elapsed_seconds())},
+                   {"time", seconds_text(elapsed_seconds() - since)},
                    {"device memory, at most", bytes_text(r.peak)}};
   if (r.num_held_out > 0)  // "PSNR held out" is of the scene that is written
     page_.figures.insert(page_.figures.end(),
-                         {{"PSNR held out, start", told(r.start_psnr, 2) + " dB"},
-                          {"PSNR held out", told(r.returned ? r.start_psnr : r.result_psnr, 2) + " dB"},
-                          {"psnr_cc held out", told(psnr_cc_, 2) + " dB"},
+                         {{"PSNR held out, start", told(r.start_psnr, 2, " dB")},
+                          {"PSNR held out", told(r.returned ? r.start_psnr : r.result_psnr, 2, " dB")},
+                          {"psnr_cc held out", told(psnr_cc_, 2, " dB")},
                           {"SSIM held out", told(r.returned ? r.start_ssim : r.result_ssim, 4)}});
   page_.after = elapsed_seconds() - begun - (page_.steps.empty() ? 0 : page_.steps.back().seconds);
   write_page(session, outputs);

@@ -48,9 +48,11 @@ std::string html_cell(const std::string& text, bool is_number = false, const cha
 std::string charts(const FitPage& page) {
   Curve loss, psnr, gaussians, pace;
   std::vector<double> marks;
+  // A resumed fit's page begins where it was resumed.
+  const std::int64_t before_first = page.steps.empty() ? 0 : std::max<std::int64_t>(0, page.steps.front().step - 1);
   for (std::size_t i = 0; i < page.steps.size(); ++i) {
     const FitStep &now = page.steps[i], before = i > 0 ? page.steps[i - 1] : FitStep();
-    const double x = static_cast<double>(i + 1);
+    const double x = static_cast<double>(before_first) + static_cast<double>(i + 1);
     const bool begins = i > 0 && now.phase != before.phase;
     if (begins) marks.push_back(x - 0.5);
     const auto add = [&](Curve& to, double y) { to.x.push_back(x), to.y.push_back(y); };
@@ -74,6 +76,8 @@ std::string charts(const FitPage& page) {
     out += "<p class=\"soft\">Along x: steps. A curve has " + points + " points, the medians of neighbouring steps.";
   else
     out += "<p class=\"soft\">Along x: steps.";
+  if (before_first > 0)
+    out += " The fit was resumed after step " + std::to_string(before_first) + ": earlier steps are not shown.";
   return out + (marks.empty() ? "" : " Dotted lines: a new phase begins.") + "</p>\n";
 }
 

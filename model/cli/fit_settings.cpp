@@ -31,6 +31,8 @@ std::string text_of(const ordered_json& value, const std::string& where) {
   std::string out;
   for (const ordered_json& each : value) {
     if (!each.is_string() && !each.is_number()) wrong(where, "a list of texts or numbers", value);
+    if (each.is_string() && each.get<std::string>().find(',') != std::string::npos)
+      wrong(where, "a list of texts without commas, which separate them", value);
     out += (out.empty() ? "" : ",") + (each.is_string() ? each.get<std::string>() : each.dump());
   }
   return out;

@@ -153,16 +153,16 @@ vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Ses
   options.reconstruct = &request.run;
   options.names = request.input.names;
   options.num_names = request.input.num_names;
-  const auto keep = [&](const vsplat::Scene& start) {
-    file.save(o.common, start);
+  const auto keep = [&](const vsplat::Scene& scene) {
+    file.save(o.common, scene);
     outputs.keep();
+  };
+  const auto keep_start = [&](const vsplat::Scene& start) {
+    keep(start);
     say(o.common,
         o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are fitted now");
   };
-  vsplat::Scene fitted = request.fit->run(session, o.common, views, outputs, keep);
-  file.save(o.common, fitted);
-  outputs.keep();
-  return fitted;
+  return request.fit->run(session, o.common, views, outputs, keep_start, keep);
 }
 
 // Draws a scene that is already written; if the user stops this, or it fails, the scene remains.

@@ -65,10 +65,13 @@ PictureScores compare_drawing(Context& ctx, Image& drawn, const ComparedPhotogra
 
 PictureScores mean_of(const std::vector<PictureScores>& scores) {
   PictureScores out;
+  const auto is_unknown = [](const PictureScores& each) { return std::isnan(each.psnr); };
+  const auto unknown = std::count_if(scores.begin(), scores.end(), is_unknown);
   for (double PictureScores::*const figure : kFigures) {
     out.*figure = 0;
-    for (const PictureScores& each : scores) out.*figure += each.*figure;
-    out.*figure /= static_cast<double>(scores.size());
+    for (const PictureScores& each : scores)
+      if (!is_unknown(each)) out.*figure += each.*figure;
+    out.*figure /= static_cast<double>(scores.size()) - static_cast<double>(unknown);
   }
   return out;
 }

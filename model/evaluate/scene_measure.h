@@ -34,7 +34,7 @@ struct PictureScores {
 PictureScores compare_drawing(Context& ctx, Image& drawn, const ComparedPhotograph& given,
                               const std::vector<const Lpips*>& lpips);
 
-// The mean of every score.
+// The mean of every score, over the pictures that have a known pixel; NaN if none has.
 PictureScores mean_of(const std::vector<PictureScores>& scores);
 
 }  // namespace vsplat

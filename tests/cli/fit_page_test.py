@@ -4,6 +4,8 @@ import html.parser
 import json
 import os
 import pathlib
+import subprocess
+import time
 
 import fit_case
 import support
@@ -71,6 +73,20 @@ class FitPage(fit_case.FitCase):
         self.told(*self.fit("--steps", 2, "--page", self.path("elsewhere.html"), output="c.ply"))
         self.assertIn("left out in turn", self.page("elsewhere.html").text)
         self.refuses(2, ["--page", ".html"], *self.fit("--page", "x.txt", output="d.ply"))
+
+    def test_a_file_that_cannot_be_written_does_not_cost_the_scene(self):
+        state = self.path("state")
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.fit("--holdout", "none", "--steps", 300, "--checkpoint", state, "--sheet",
+                                                              self.path("gone", "sheet.png")))], stderr=subprocess.PIPE, text=True)
+        while not os.path.isdir(state):
+            self.assertIsNone(process.poll())
+            time.sleep(0.005)
+        pathlib.Path(self.path("gone")).write_text("a file where the sheet's folder should be")
+        err = process.communicate(timeout=300)[1]
+        self.assertEqual(process.returncode, 1, err)
+        self.assertRegex(err, r"out\.ply is written; .*sheet\.png is not: .*gone")
+        for name in ("out.ply", "out.fit.json", "out.fit.html"):
+            self.assertTrue(os.path.getsize(self.path(name)) > 0, name)
 
     def test_its_settings_are_written_and_given_back(self):
         more = ("--holdout", "@1", "--steps", 12, "--size", 20, "--seed", 5, "--exposure", "--freeze", "rotations", "--quality", "normal", "--object",
@@ -142,6 +158,7 @@ class FitPage(fit_case.FitCase):
         refused(["poses", "true or false"], {"poses": 1})
         refused(["sh is 9"], {"sh": 9})
         refused(["steps", "text"], {"steps": {}})
+        refused(["views is", "without commas"], {"views": ["a,b.png"]})
         refused(["object"], [3])
         refused(["settings.steps is", "many", "whole number"], {"settings": {"steps": "many"}})
         refused(["steps is", "1e+300"], {"steps": 1e300})

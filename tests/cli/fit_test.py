@@ -198,6 +198,8 @@ class Fit(fit_case.FitCase):
         resumed = [argument for argument in self.fit(*more, *kept, "--resume", output="again.ply") if argument != "--quiet"]
         _, said = self.succeeds(*resumed, "--overwrite")
         self.assertIn("1 picture that it was not fitted to:", said)  # nothing was left out in turn
+        self.assertRegex(pathlib.Path(self.path("again.fit.html")).read_text(), r"resumed after step \d+")
+        self.assertNotIn("resumed after", pathlib.Path(self.path("out.fit.html")).read_text())
         self.assertEqual(pathlib.Path(self.path("out.ply")).read_bytes(), pathlib.Path(self.path("again.ply")).read_bytes())
         self.refuses(2, "--resume needs --checkpoint", *self.fit("--resume", output="x.ply"))
 

@@ -134,6 +134,30 @@ class Scenes(support.Case):
         self.assertIsInstance(row["lpips_alex"], float)
         self.assertNotIn("lpips_vgg", row)
 
+    def test_a_picture_that_its_mask_hides_is_left_out(self):
+        self.colmap("set", count=17)
+        masks = self.path("set", "masks")
+        os.mkdir(masks)
+        for i in range(17):
+            support.write_png(os.path.join(masks, f"{i:03}.png"), 24, 18, [[(0 if i == 8 else 255,) * 3] * 24] * 18)
+        ready = {"name": "ready", "views": "set", "scene": self.scene("ball.ply"), "size": "full", "masks": "ignore"}
+        out, err = self.succeeds(*self.list([ready]), "--json")
+        self.assertRegex(err, r"008\.JPG: no pixel of it is inside its mask")
+        (row,) = json.loads(out)["sets"]
+        self.assertEqual(row["pictures"], 3)
+        shutil.rmtree(masks)
+        whole = json.loads(self.succeeds("render", self.path("ball.ply"), "--cameras", self.path("set"), "--compare", self.path("set", "images"),
+                                         "--background", "white", "--json", "--quiet")[0])["comparison"]["pictures"]
+        seen = [p for p in whole if os.path.basename(p["reference"]) in ("000.JPG", "016.JPG")]
+        for figure in FIGURES:
+            self.assertAlmostEqual(row[figure], sum(p[figure] for p in seen) / 2, 4, figure)
+        os.mkdir(masks)
+        for i in range(17):
+            support.write_png(os.path.join(masks, f"{i:03}.png"), 24, 18, [[(0,) * 3] * 24] * 18)
+        code, _, err = support.run(*self.list([ready]))
+        self.assertEqual(code, 1)
+        self.assertIn("no pixel of the 3 pictures is inside its mask", err)
+
     def test_a_set_that_fails_is_told_and_the_others_go_on(self):
         self.colmap("set")
         self.colmap("holes")

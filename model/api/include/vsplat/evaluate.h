@@ -159,8 +159,8 @@ typedef struct vsplat_measure_options {
   { sizeof(vsplat_measure_options), NULL, 0, NULL, 512, {1, 1, 1}, NULL, NULL, NULL, VSPLAT_MASKS_OBJECT, 0 }
 
 /* Draws the scene from the views' cameras, as vsplat_render does, and compares each drawing with its photograph.
-   *out_mean receives the means over all of them. VSPLAT_ERROR_USAGE: a view does not exist, or none has a picture.
-   `options` NULL: defaults. */
+   *out_mean receives the means over those with a known pixel; a warning names the others. VSPLAT_ERROR_USAGE: a view
+   does not exist, or none has a picture. VSPLAT_ERROR_INPUT: no picture has a known pixel. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene,
                                                                vsplat_views views,
                                                                const vsplat_measure_options* options,
