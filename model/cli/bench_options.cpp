@@ -26,7 +26,7 @@ std::string lines_of(const std::vector<std::string>& names) {
 
 // (The operations are those that bench/CMakeLists.txt lists.)
 std::vector<std::string> bench_suites() {
-  return words("gemm conv3d render train fit model sparse " VSPLAT_BENCH_OPERATIONS);
+  return words("gemm conv3d render train fit model sparse formats " VSPLAT_BENCH_OPERATIONS);
 }
 
 CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
@@ -73,6 +73,7 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       "  vsplat bench render --run small\n"
       "  vsplat bench train --run network\n"
       "  vsplat bench fit --run object\n"
+      "  vsplat bench formats --run slab-1m\n"
       "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and\n"
       "backward (which draws once more). A frame is timed from the call until the device is done, from 8 cameras in\n"
       "turn; the shares of its stages include the host's time. A step of training has one object with four input "
@@ -82,7 +83,7 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       "its kernels could take. A case takes --seconds, or three runs, but no more than 30 times as long.\n"
       "Every result is checked before it is timed: single operations against their references at small sizes, and at\n"
       "the size that is timed mostly that there are numbers. The peaks are measured in the same run.\n"
-      "Suites: gemm, conv3d, render, train, fit, model, sparse, and of single operations:\n" +
+      "Suites: gemm, conv3d, render, train, fit, model, sparse, formats, and of single operations:\n" +
       lines_of(words(VSPLAT_BENCH_OPERATIONS)));
   return sub;
 }
