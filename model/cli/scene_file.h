@@ -11,7 +11,8 @@ namespace command {
 
 class SceneFile {
  public:
-  // Expects both files as outputs. `path` may be "": nothing is written.
+  // Expects both files as outputs. `path` may be "", or a page (scene_page.h), which holds the scene itself: nothing is
+  // written here.
   SceneFile(Outputs& outputs, const std::string& path);
 
   // Writes the scene; also SCENE.offset.json, with a message, if its positions are relative to an offset rather than in
