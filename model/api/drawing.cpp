@@ -5,6 +5,7 @@
 
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 #include "runtime/option.h"
 
 namespace vsplat::api {
@@ -22,6 +23,9 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
   if (device->scene_key.lock() != scene) {
     device->scene.reset();
     device->scene_key.reset();
+    if (scene->gaussians.sh_degree > kDrawnDegree)
+      warn("the scene's spherical harmonics have degree {}: they are drawn up to degree {}", scene->gaussians.sh_degree,
+           kDrawnDegree);
     device->scene = place_on_device(device->context, scene->gaussians, pixels);
     device->scene_key = scene;
   }

@@ -110,6 +110,9 @@ Tensor given_to(Context& ctx, cl_mem buffer, const Shape& shape, const char* wha
 }
 
 DeviceGaussians whole_on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {
+  if (scene->gaussians.sh_degree > kDrawnDegree)
+    fail(Status::usage, "the scene's spherical harmonics have degree {}: buffers hold those of up to {}",
+         scene->gaussians.sh_degree, kDrawnDegree);
   const GaussianChunks& there = on_device(device, scene, pixels);
   if (there.chunks() > 1)
     fail(Status::memory, "the scene's {} Gaussians are not on the device as a whole, only in parts of {}", there.count,

@@ -6,6 +6,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/drawing.h"
+#include "model/base/scene_edit.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -61,8 +62,9 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
     const SceneGradient out = zero_gradient(ctx, placed);
     std::array<double, 6> pose{};
     render_backward(ctx, placed, view, how, by_picture, out, out_pose ? &pose : nullptr);
-    const Gaussians got = download(ctx, out, g.sh_degree);
+    Gaussians got = download(ctx, out, g.drawn_degree());
     ctx.finish();
+    set_degree(got, g.sh_degree);
     copy_out(got, a);
     if (out_pose) std::copy(pose.begin(), pose.end(), out_pose);
   });

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "model/io/archive/selection_file.h"
-#include "model/io/scene/offset_file.h"
+#include "model/io/scene/scene_format.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -134,7 +134,7 @@ vsplat_status vsplat_scene_load_with(const char* path, const vsplat_scene_load_o
     auto scene = std::make_unique<vsplat_scene_impl>();
     if (std::string_view(path) == "-")
       fail(Status::file, "-: a scene cannot be read from the standard input: write it to a file first");
-    scene->become(std::make_shared<const Scene>(read_ply(path, o.skip_bad ? &scene->skipped : nullptr)));
+    scene->become(std::make_shared<const Scene>(read_scene(path, o.skip_bad ? &scene->skipped : nullptr)));
     *out_scene = scene.release();
   });
 }
@@ -148,7 +148,7 @@ vsplat_status vsplat_scene_load_memory(const void* bytes, size_t size, const vsp
     auto scene = std::make_unique<vsplat_scene_impl>();
     const std::span content(static_cast<const std::byte*>(bytes), size);
     scene->become(std::make_shared<const Scene>(
-        read_ply("the scene in memory", content, o.skip_bad ? &scene->skipped : nullptr)));
+        read_scene("the scene in memory", content, o.skip_bad ? &scene->skipped : nullptr)));
     *out_scene = scene.release();
   });
 }
@@ -161,7 +161,7 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
     need(out_scene, "out_scene");
     const vsplat_scene_info i = taken(info, VSPLAT_SCENE_INFO_INIT, "info");
     const vsplat_gaussians a = taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays");
-    if (i.sh_degree < 0 || i.sh_degree > 3) fail(Status::usage, "info.sh_degree is {}: 0 to 3 expected", i.sh_degree);
+    if (i.sh_degree < 0 || i.sh_degree > 4) fail(Status::usage, "info.sh_degree is {}: 0 to 4 expected", i.sh_degree);
     if (i.count > INT32_MAX) fail(Status::usage, "info.count is {}: at most {} Gaussians", i.count, INT32_MAX);
     if (!(i.near_plane >= 0) || !std::isfinite(i.near_plane))
       fail(Status::usage, "info.near_plane is {}", i.near_plane);
@@ -204,24 +204,6 @@ vsplat_status vsplat_scene_update(vsplat_scene scene, const vsplat_gaussians* ar
     need(scene, "scene");
     need(arrays, "arrays");
     scene->become(with_values(*scene->now(), taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays")));
-  });
-}
-
-vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path) {
-  return guarded([&] {
-    need(scene, "scene");
-    need(path, "path");
-    const std::shared_ptr<const Scene> now = scene->now();
-    write_offset_file(path, *now);
-    write_ply(path, *now);
-  });
-}
-
-vsplat_status vsplat_scene_save_memory(vsplat_scene scene, char** out_bytes, size_t* out_size) {
-  return guarded([&] {
-    need(scene, "scene");
-    const std::shared_ptr<const Scene> now = scene->now();
-    give_bytes([&](const std::string& name) { write_ply(name, *now); }, "the scene", out_bytes, out_size);
   });
 }
 

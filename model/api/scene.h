@@ -8,7 +8,7 @@
 #include "model/api/handle.h"
 #include "model/api/result_memory.h"
 #include "model/base/scene.h"
-#include "model/io/scene/ply.h"
+#include "model/io/scene/skipped_gaussians.h"
 
 namespace vsplat::api {
 

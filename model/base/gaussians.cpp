@@ -41,15 +41,23 @@ Gaussians download(Context& ctx, const DeviceGaussians& g) {
 DeviceGaussians upload(Context& ctx, const Gaussians& g) { return upload(ctx, g, 0, static_cast<long>(g.count)); }
 
 DeviceGaussians upload(Context& ctx, const Gaussians& g, long first, long n) {
-  const long s = static_cast<long>(g.sh_count()), axes = scales_of(g.kind);
+  const long s = static_cast<long>(g.drawn_sh_count()), axes = scales_of(g.kind);
   const auto from = [first](const std::vector<float>& v, long each) {
     return v.empty() ? nullptr : v.data() + first * each;  // (vectors are empty in a plan)
   };
+  std::vector<float> drawn;  // without the coefficients that are not drawn
+  if (!g.sh.empty() && g.sh_degree > kDrawnDegree) {
+    drawn.reserve(static_cast<std::size_t>(3 * n * s));
+    for (long k = first; k < first + n; ++k) {
+      const float* one = from(g.sh, 0) + 3 * k * static_cast<long>(g.sh_count());
+      drawn.insert(drawn.end(), one, one + 3 * s);
+    }
+  }
   return {ctx.upload({n, 3}, from(g.means, 3), Type::f32, "means"),
           ctx.upload({n, axes}, from(g.scales, axes), Type::f32, "scales"),
           ctx.upload({n, 4}, from(g.quats, 4), Type::f32, "quats"),
           ctx.upload({n}, from(g.opacities, 1), Type::f32, "opacities"),
-          ctx.upload({n, s, 3}, from(g.sh, 3 * s), Type::f32, "sh")};
+          ctx.upload({n, s, 3}, drawn.empty() ? from(g.sh, 3 * s) : drawn.data(), Type::f32, "sh")};
 }
 
 }  // namespace vsplat

@@ -15,9 +15,12 @@ namespace vsplat {
 enum class GaussianKind { volume, surfel };
 inline int scales_of(GaussianKind kind) { return kind == GaussianKind::surfel ? 2 : 3; }
 
+// Coefficients of higher degrees are kept in memory and in files, but not drawn.
+inline constexpr int kDrawnDegree = 3;
+
 struct Gaussians {
   std::size_t count = 0;
-  int sh_degree = 0;             // 0 to 3
+  int sh_degree = 0;             // 0 to 4
   std::vector<float> means;      // [K,3]
   std::vector<float> scales;     // [K,D]
   std::vector<float> quats;      // [K,4]
@@ -26,6 +29,8 @@ struct Gaussians {
   GaussianKind kind = GaussianKind::volume;
 
   std::size_t sh_count() const { return static_cast<std::size_t>(sh_degree + 1) * (sh_degree + 1); }
+  int drawn_degree() const { return sh_degree < kDrawnDegree ? sh_degree : kDrawnDegree; }
+  std::size_t drawn_sh_count() const { return static_cast<std::size_t>(drawn_degree() + 1) * (drawn_degree() + 1); }
 };
 
 struct DeviceGaussians {
@@ -53,6 +58,7 @@ class Context;
 // Zero gradients for `count` Gaussians.
 GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree, GaussianKind kind = GaussianKind::volume);
 Gaussians download(Context& ctx, const DeviceGaussians& g);
+// Spherical harmonics are uploaded up to kDrawnDegree.
 DeviceGaussians upload(Context& ctx, const Gaussians& g);
 // Uploads `n` Gaussians from `first` on.
 DeviceGaussians upload(Context& ctx, const Gaussians& g, long first, long n);

@@ -91,7 +91,7 @@ void read_fit(Fields& fields, SceneSet& set, const fs::path& folder) {
   if (!set.pictures.empty()) of_protocol["pictures"] = set.pictures;
   apply_settings(set.options, of_protocol, "");
   if (!set.output.empty()) {
-    need_ending(fields.told("output"), set.output, ".ply");
+    need_scene_ending(fields.told("output"), set.output);
     s.fit.record = fs::path(set.output).replace_extension(".fit.json").string();
     s.fit.page = fs::path(set.output).replace_extension(".fit.html").string();
   }

@@ -50,7 +50,7 @@ void dry_run(const FitCommand& o, FitJob& job, FitInputs& inputs, const vsplat::
 void check(const FitCommand& o) {
   check(o.settings);
   if (o.output.empty() && !o.dry_run) throw UsageError("fit needs --output, the scene's file");
-  if (!is_page(o.output)) need_ending("--output", o.output, ".ply");
+  if (!is_page(o.output)) need_scene_ending("--output", o.output);
 }
 
 // The files beside the scene: what was not asked for otherwise.
@@ -124,7 +124,8 @@ void add_fit(CLI::App& app, Run& run) {
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->required()
       ->type_name("VIEWS");
-  sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
+  sub->add_option("-o,--output", o->output, "The scene to write, in the format of its ending, or its page (.html)")
+      ->type_name("SCENE");
   FitOptions& fit_options = o->settings.fit;
   o->options = add_fit_settings(*sub, o->settings);
   sub->add_option("--settings", o->settings_file,

@@ -251,7 +251,7 @@ std::vector<CLI::Option*> add_fit_settings(CLI::App& app, FitSettings& o) {
                  "What it begins with: a scene, what the network makes, COLMAP's points, or points at random (a file "
                  "of such a name is ./NAME). Default: auto, a whole scene's points, or random ones if there are none; "
                  "for an object the network with fewer than 12 pictures, else the points, else random ones")
-      ->type_name("SCENE.ply|network|points|random|auto");
+      ->type_name("SCENE|network|points|random|auto");
   app.add_flag("--scene", o.scene,
                "Fit the whole scene that the pictures show (default, unless they have masks or alpha, or a cube is "
                "given)");

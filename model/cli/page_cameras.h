@@ -14,8 +14,8 @@ struct PageCamera {
 
 // Where they are read from.
 struct PageViews {
-  std::string cameras;   // a file or folder that vsplat_cameras_load reads; "": no cameras
-  std::string pictures;  // the folder of the photographs; "": that of the cameras
+  std::string cameras;              // a file or folder that vsplat_cameras_load reads; "": no cameras
+  std::string pictures;             // the folder of the photographs; "": that of the cameras
   float background[3] = {1, 1, 1};  // behind photographs with alpha
 };
 

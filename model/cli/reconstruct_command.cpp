@@ -47,7 +47,7 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   if (o.output.empty() && !o.dry_run)
     throw UsageError(o.list.empty() ? "reconstruct needs --output, the scene's file"
                                     : "reconstruct --list needs --output, the folder for the scenes");
-  if (o.list.empty() && !is_page(o.output)) need_ending("--output", o.output, ".ply", "scenes are written as 3DGS PLY only");
+  if (o.list.empty() && !is_page(o.output)) need_scene_ending("--output", o.output);
   if (pictures.wanted && !pictures.written)
     throw UsageError(
         "--render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
@@ -337,8 +337,9 @@ void add_reconstruct(CLI::App& app, Run& run) {
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->type_name("VIEWS");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
-  sub->add_option("-o,--output", o->output, "The scene to write, or its page (.html); with --list, the folder for the scenes")
-      ->type_name("SCENE.ply|DIR");
+  sub->add_option("-o,--output", o->output,
+                  "The scene to write, or its page (.html); with --list, the folder for the scenes")
+      ->type_name("SCENE|DIR");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
                   "(default: well spread ones, as many as --view-count says, or all)")

@@ -1,4 +1,4 @@
-// vsplat render: pictures of a scene from a PLY file.
+// vsplat render: pictures of a scene from its file.
 #include <nlohmann/json.hpp>
 
 #include "naming.h"
@@ -132,8 +132,8 @@ void render(const RenderOptions& o) {
 
 void add_render(CLI::App& app, Run& run) {
   auto o = std::make_shared<RenderOptions>();
-  CLI::App* sub = app.add_subcommand("render", "Draw a scene from a 3DGS PLY file");
-  sub->add_option("scene", o->scene, "A standard 3DGS PLY file")->required()->type_name("SCENE.ply");
+  CLI::App* sub = app.add_subcommand("render", "Draw a scene from its file");
+  sub->add_option("scene", o->scene, "A scene, in any format that is read")->required()->type_name("SCENE");
   add_picture_options(*sub, o->pictures, "--cameras");
   add_viewer_option(*sub, o->viewer, "Pictures");
   sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")

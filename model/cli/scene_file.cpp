@@ -1,15 +1,45 @@
 #include "scene_file.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
+#include <sstream>
 
 #include "scene_page.h"
 
 namespace command {
+namespace {
 
-SceneFile::SceneFile(Outputs& outputs, const std::string& path)
-    : outputs_(outputs), path_(is_page(path) ? "" : path) {
+// The written format whose ending the path has, the longest one that matches; nothing if there is none.
+std::optional<vsplat_scene_format> format_of(const std::string& path) {
+  std::string name = std::filesystem::path(path).filename().string();
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  std::optional<vsplat_scene_format> out;
+  std::size_t longest = 0;
+  for (const vsplat_scene_format& format : vsplat::scene_formats()) {
+    std::istringstream endings(format.writes ? format.endings : "");
+    for (std::string ending; endings >> ending;) {
+      if (name.size() <= ending.size() || ending.size() <= longest || !name.ends_with(ending)) continue;
+      out = format;
+      longest = ending.size();
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+void need_scene_ending(const std::string& option, const std::string& path) {
+  if (path.empty() || format_of(path)) return;
+  std::string all;
+  for (const vsplat_scene_format& format : vsplat::scene_formats())
+    if (format.writes) all += (all.empty() ? "" : ", ") + std::string(format.endings) + " (" + format.title + ")";
+  throw UsageError(option + " is \"" + path + "\": a name with the ending of a scene's format expected: " + all);
+}
+
+SceneFile::SceneFile(Outputs& outputs, const std::string& path) : outputs_(outputs), path_(is_page(path) ? "" : path) {
   if (!path_.empty()) offset_path_ = std::filesystem::path(path_).replace_extension(".offset.json").string();
   outputs.expect(path_);
   outputs.expect(offset_path_);
@@ -30,6 +60,9 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
                     ", which " + offset_path_ + " tells other programs");
   }
   scene.save(outputs_.begin(path_));
+  const std::optional<vsplat_scene_format> format = format_of(path_);
+  std::istringstream lost(format ? scene.losses(format->name) : "");
+  for (std::string sentence; std::getline(lost, sentence);) say(common, path_ + ": " + sentence);
 }
 
 void SceneFile::add_results(nlohmann::ordered_json& out) const {

@@ -9,6 +9,9 @@
 
 namespace command {
 
+// UsageError unless `path`, which may be "", has the ending of a format in which scenes are written.
+void need_scene_ending(const std::string& option, const std::string& path);
+
 class SceneFile {
  public:
   // Expects both files as outputs. `path` may be "", or a page (scene_page.h), which holds the scene itself: nothing is

@@ -108,8 +108,8 @@ void view(const ViewOptions& o) {
   std::vector<PageScene> scenes;
   if (!o.before.empty()) scenes.push_back({fs::path(o.before).filename().string(), load(o, o.before)});
   scenes.push_back({fs::path(o.scene).filename().string(), load(o, o.scene)});
-  const fs::path page =
-      o.output.empty() ? temporary_folder() / fs::path(o.scene).filename().replace_extension(".html") : fs::path(o.output);
+  const fs::path page = o.output.empty() ? temporary_folder() / fs::path(o.scene).filename().replace_extension(".html")
+                                         : fs::path(o.output);
   PageFile file(outputs, page.string(), "", views);
   file.save(o.common, scenes);
   outputs.commit();
@@ -138,9 +138,10 @@ void add_view(CLI::App& app, Run& run) {
   sub->add_option("-o,--output", o->output, "Where the page is written (default: a folder for temporary files)")
       ->type_name("FILE.html");
   sub->add_option("--before", o->before, "A second scene, on the left of a slider")->type_name("SCENE");
-  sub->add_option("--cameras", o->cameras,
-                  "Also show these cameras (transforms.json, cameras.json, COLMAP model or a folder with one) with their "
-                  "photographs: a click stands at one")
+  sub->add_option(
+         "--cameras", o->cameras,
+         "Also show these cameras (transforms.json, cameras.json, COLMAP model or a folder with one) with their "
+         "photographs: a click stands at one")
       ->type_name("CAMERAS");
   sub->add_option("--pictures", o->pictures, "The folder of the photographs (default: that of the cameras)")
       ->type_name("DIR");
@@ -155,7 +156,8 @@ void add_view(CLI::App& app, Run& run) {
       "  vsplat view scene.ply\n"
       "  vsplat view scene.ply --cameras photos/ --output scene.html --no-open\n"
       "  vsplat view sharp.ply --before scene.ply\n"
-      "The page is one file with the scene inside. It needs no network, and a browser with WebGL 2. Drag to turn, use the\n"
+      "The page is one file with the scene inside. It needs no network, and a browser with WebGL 2. Drag to turn, use "
+      "the\n"
       "wheel to zoom, and press ? for the keys. $BROWSER names the browser; without it the desktop's default opens.");
   sub->callback([o, &run] { run = [o] { view(*o); }; });
 }

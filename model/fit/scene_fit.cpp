@@ -167,7 +167,10 @@ void SceneFit::Impl::begin_leg() {
   recipe = fit_recipe(request, static_cast<long>(used.size()), shown, static_cast<long>(scene.gaussians.count));
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();
-  degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
+  degree = request.degree.value_or(std::max(scene.gaussians.drawn_degree(), recipe.least_degree));
+  if (scene.gaussians.sh_degree > kDrawnDegree && leg == 0)
+    warn("the start's spherical harmonics have degree {}: the fit has those of up to degree {}",
+         scene.gaussians.sh_degree, degree);
   set_degree(scene.gaussians, degree);
   const Gaussians start = std::move(scene.gaussians);
   if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews && !request.whole)

@@ -67,9 +67,8 @@ std::optional<ForeignFile> archive_kind(const std::string& path, std::string_vie
     return ForeignFile{"a zip archive", "unpack it and give its content"};
   }
   if (begin.starts_with("\x1f\x8b")) {
-    if (lower_ending(path) == ".spz") return other_scene(path, "an SPZ file of Gaussians");
-    return ForeignFile{"a gzip file",
-                       fmt::format("if it is SPZ, {}; otherwise unpack it with gunzip", how_to_convert_scene(path))};
+    if (lower_ending(path) == ".spz") return ForeignFile{"an SPZ file of Gaussians"};
+    return ForeignFile{"a gzip file", "unpack it with gunzip"};
   }
   if (begin.starts_with("7z\xbc\xaf") || begin.starts_with("Rar!") || begin.starts_with("BZh"))
     return ForeignFile{"an archive", "unpack it and give its content"};
@@ -100,7 +99,7 @@ std::optional<ForeignFile> text_kind(const std::string& path, std::string_view b
 std::optional<ForeignFile> by_beginning(const std::string& path, std::string_view begin) {
   if (const auto found = media_kind(path, begin)) return found;
   if (const auto found = archive_kind(path, begin)) return found;
-  if (begin.starts_with("NGSP")) return other_scene(path, "an SPZ file of Gaussians");
+  if (begin.starts_with("NGSP")) return ForeignFile{"an SPZ file of Gaussians"};
   if (begin.starts_with("glTF"))
     return has_text(begin, "KHR_gaussian_splatting") ? other_scene(path, "a glTF file of Gaussians")
                                                      : other_mesh(path, "a GLB file");
@@ -139,8 +138,8 @@ std::optional<ForeignFile> by_beginning(const std::string& path, std::string_vie
 
 std::optional<ForeignFile> by_ending(const std::string& path) {
   const std::string ending = lower_ending(path);
-  if (ending == ".spz") return other_scene(path, "an SPZ file of Gaussians by its ending");
-  if (ending == ".splat") return other_scene(path, "a .splat file of Gaussians");
+  if (ending == ".spz") return ForeignFile{"an SPZ file of Gaussians by its ending"};
+  if (ending == ".splat") return ForeignFile{"a .splat file of Gaussians"};
   if (ending == ".ksplat") return other_scene(path, "a .ksplat file of Gaussians");
   if (ending == ".sog") return other_scene(path, "a SOG file of Gaussians by its ending");
   if (ending == ".lcc") return other_scene(path, "an LCC file of Gaussians");

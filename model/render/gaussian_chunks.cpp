@@ -9,7 +9,7 @@ namespace vsplat {
 namespace {
 
 double bytes_of(const Gaussians& g) {
-  return 4.0 * (8.0 + scales_of(g.kind) + 3.0 * static_cast<double>(g.sh_count()));
+  return 4.0 * (8.0 + scales_of(g.kind) + 3.0 * static_cast<double>(g.drawn_sh_count()));
 }
 
 long whole_units(double gaussians) {
@@ -37,12 +37,12 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
   const double drawing = 12 + 16 + 4.0 * static_cast<double>(surfels ? kSurfelRecord : kRecord) + 16 + 4 * 8;
   const double limit = static_cast<double>(limits.total), n = static_cast<double>(k);
   const double left = limit - static_cast<double>(ctx.memory().live()) - n * (bytes_of(g) + drawing) - 20 * pixels;
-  const double largest = 12.0 * static_cast<double>(g.sh_count());  // bytes of a Gaussian in the largest array
+  const double largest = 12.0 * static_cast<double>(g.drawn_sh_count());  // bytes of a Gaussian in the largest array
   if (left > 0) {
     const long chunk =
         std::min(whole_units(static_cast<double>(limits.max_alloc) / largest), whole_units(n) + kChunkUnit);
     std::vector<DeviceGaussians> parts;
-    GaussianChunks out(k, g.sh_degree, chunk, nullptr, g.kind);
+    GaussianChunks out(k, g.drawn_degree(), chunk, nullptr, g.kind);
     const auto place = [&](Context& c) {
       parts.clear();
       for (long i = 0; i < out.chunks(); ++i) parts.push_back(upload(c, g, i * chunk, out.size_of(i)));
@@ -54,7 +54,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
     }
   }
   const double room = std::min(limit / 8 / bytes_of(g), static_cast<double>(limits.max_alloc) / largest);
-  GaussianChunks out(k, g.sh_degree, whole_units(room), nullptr, g.kind);
+  GaussianChunks out(k, g.drawn_degree(), whole_units(room), nullptr, g.kind);
   out.get = [&g, size = out](Context& c, long i) { return upload(c, g, i * size.chunk, size.size_of(i)); };
   return out;
 }

@@ -319,6 +319,8 @@ class Values:
         if p.name == "path":
             if short in self.PATHS:
                 return c.create_string_buffer(str(getattr(self.files, self.PATHS[short])).encode())
+            if short in ("scene_save", "scene_save_with"):  # the ending names the format
+                return c.create_string_buffer(str(self.files.output()).encode() + b".ply")
             if short.endswith(self.WRITERS):
                 return c.create_string_buffer(str(self.files.output()).encode())
         elif p.name == "folder":
@@ -327,7 +329,7 @@ class Values:
             out = c.c_void_p()
             self.api.call("vsplat_views_get_files", self.handles["vsplat_views"], c.byref(out))
             return out
-        known = {"config": train_config(), "label": b"a label", "text": b"of this rank", "what": b"model", "name": b"micro",
+        known = {"config": train_config(), "label": b"a label", "text": b"of this rank", "what": b"model", "name": b"micro", "format": b"ply",
                  "pictures": str(self.files.photos).encode(),
                  "texture": str(self.files.texture).encode()}
         if p.name not in known:

@@ -49,6 +49,7 @@ _lib = _library()
 _lib.vsplat_last_error.restype = c.c_char_p
 _lib.vsplat_status_name.restype = c.c_char_p
 _lib.vsplat_version_string.restype = c.c_char_p
+_lib.vsplat_scene_format_count.restype = c.c_size_t
 _f32 = c.POINTER(c.c_float)
 _progress = c.CFUNCTYPE(c.c_int32, c.c_void_p, c.c_char_p, c.c_double)
 _on_end = c.CFUNCTYPE(None, c.c_void_p, c.c_void_p)
@@ -216,6 +217,15 @@ class _SceneInfo(_Struct):
                 ("skipped_huge_scale", c.c_uint64), ("skipped_zero_rotation", c.c_uint64), ("up", c.c_double * 3),
                 ("offset", c.c_double * 3), ("surfels", c.c_int32), ("detail_pixel", c.c_double), ("detail_middle", c.c_double * 3),
                 ("antialias", c.c_int32)]
+
+
+class _SceneFormat(_Struct):
+    _fields_ = [("size", c.c_size_t), ("name", c.c_char_p), ("title", c.c_char_p), ("endings", c.c_char_p), ("reads", c.c_int32),
+                ("writes", c.c_int32), ("sh_degree", c.c_int32), ("lossless", c.c_int32), ("lost", c.c_char_p), ("opened_by", c.c_char_p)]
+
+
+class _SceneSaveOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("format", c.c_char_p), ("spz_version", c.c_int32)]
 
 
 class _Gaussians(_Struct):

@@ -7,10 +7,11 @@ from typing import Any, Iterable, Sequence
 
 import numpy as np
 
-from ._c import (UsageError, _Camera, _Gaussians, _InputInfo, _InputOptions, _ModelInfo, _ModelOptions, _OrbitOptions, _SceneInfo, _View,
+from ._c import (UsageError, _Camera, _Gaussians, _InputInfo, _InputOptions, _ModelInfo, _ModelOptions, _OrbitOptions, _SceneFormat, _SceneInfo,
+            _SceneSaveOptions, _View,
             _call, _lib, _numbers, _whole)
 from ._dlpack import _array, _ndarray, _pointer
-from ._handles import _Handle, _given, _path, _saved, _texts
+from ._handles import _Handle, _given, _path, _saved, _take_text, _texts
 from ._values import Camera, Gaussians, _PIXELS, _are_rows, _tell_rows
 
 
@@ -171,6 +172,18 @@ def _orbit(of: str, handle: _Handle, options: _OrbitOptions) -> list[Camera]:
         _lib.vsplat_cameras_release(cameras)
 
 
+def scene_formats() -> list[dict[str, Any]]:
+    """The formats of scene files, each with name, title, endings, reads, writes, sh_degree, lossless, lost, opened_by."""
+    out = []
+    for index in range(_lib.vsplat_scene_format_count()):
+        f = _SceneFormat()
+        _call("scene_format_get", c.c_size_t(index), c.byref(f))
+        texts = {name: getattr(f, name).decode() for name in ("name", "title", "endings", "lost", "opened_by")}
+        out.append({**texts, "endings": texts["endings"].split(), "reads": bool(f.reads), "writes": bool(f.writes),
+                    "sh_degree": f.sh_degree, "lossless": bool(f.lossless)})
+    return out
+
+
 class Scene(_Handle):
     """Gaussians with the settings to draw them with. Belongs to no device."""
 
@@ -178,14 +191,14 @@ class Scene(_Handle):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
-        """Reads a 3DGS PLY, or a PLY of surfels."""
+        """Reads a scene of any format (scene_formats())."""
         handle = c.c_void_p()
         _call("scene_load", _path(path), c.byref(handle))
         return cls(handle)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Scene:
-        """Loads a scene from the bytes of a PLY file."""
+        """Loads a scene from the bytes of a file, in any format."""
         handle, held = c.c_void_p(), _memory(data)
         _call("scene_load_memory", held, c.c_size_t(len(held)), None, c.byref(handle))
         return cls(handle)
@@ -228,9 +241,15 @@ class Scene(_Handle):
         """Keeps the Gaussians whose means lie between the two corners of a box in the world."""
         _call("scene_crop", self, _numbers(low, c.c_double, 3, "low"), _numbers(high, c.c_double, 3, "high"))
 
-    def to_bytes(self) -> bytes:
-        """The bytes of the PLY that save() writes."""
-        return _saved("scene_save_memory", self)
+    def to_bytes(self, format: str = "ply", spz_version: int = 0) -> bytes:
+        """The bytes of the file that save() writes, in the format of that name."""
+        return _saved("scene_save_memory_with", self, c.byref(_SceneSaveOptions(format=format, spz_version=spz_version)))
+
+    def losses(self, format: str) -> list[str]:
+        """What a file in that format would lose of this scene, a sentence for each field."""
+        pointer = c.c_char_p()
+        _call("scene_get_losses", self, _path(format, "format"), c.byref(pointer))
+        return _take_text(pointer).splitlines()
 
     @classmethod
     def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float | None = None,
@@ -257,9 +276,9 @@ class Scene(_Handle):
         arrays = Gaussians(**{name: None if v is None else _array(v, shapes[name], name) for name, v in given.items()})
         _call("scene_update", self, c.byref(arrays._struct(k)))
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a standard 3DGS PLY."""
-        _call("scene_save", self, _path(path))
+    def save(self, path: str | os.PathLike[str], format: str | None = None, spz_version: int = 0) -> None:
+        """Writes the format of that name (scene_formats()), or that of the path's ending; `spz_version`: 2 to 4 (0: 4)."""
+        _call("scene_save_with", self, _path(path), c.byref(_SceneSaveOptions(format=format, spz_version=spz_version)))
 
     def _info(self) -> _SceneInfo:
         s = _SceneInfo()

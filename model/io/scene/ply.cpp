@@ -4,25 +4,23 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <sstream>
 #include <vector>
 
 #include "model/base/statistics.h"
-#include "model/io/foreign_file.h"
+#include "model/io/scene/compressed_ply.h"
+#include "model/io/scene/ply_comments.h"
 #include "model/io/scene/ply_rows.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
-#include "runtime/option.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kMostShCount = 16;
+constexpr std::size_t kMostShCount = 25;
 
 // The properties that make up a Gaussian, in this order: x y z, three colours, f_rest_* with the channel innermost,
 // then the groups that the file has, beginning at `opacity`, `scales` and `quats`.
@@ -55,14 +53,13 @@ std::optional<std::size_t> add_group(const std::string& path, const PlyElement& 
   return begin;
 }
 
-// f_rest_* are stored channel by channel. Coefficients above degree 3 are skipped.
+// f_rest_* are stored channel by channel.
 void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout) {
   std::size_t n = 0;
   for (const PlyProperty& p : vertex.properties) n += p.name.rfind("f_rest_", 0) == 0;
   if (n != 0 && n != 9 && n != 24 && n != 45 && n != 72)
-    fail(Status::format, "{}: {} properties f_rest_*: 0, 9, 24 or 45 are expected (SH degree 0 to 3)", path, n);
-  if (n == 72) warn("{}: spherical harmonics of degree 4 are read up to degree 3", path);
-  layout.degree = n == 0 ? 0 : n == 9 ? 1 : n == 24 ? 2 : 3;
+    fail(Status::format, "{}: {} properties f_rest_*: 0, 9, 24, 45 or 72 are expected (SH degree 0 to 4)", path, n);
+  layout.degree = n == 0 ? 0 : n == 9 ? 1 : n == 24 ? 2 : n == 45 ? 3 : 4;
   std::vector<std::string> names;
   for (std::size_t i = 0; i + 1 < layout.sh_count(); ++i)
     for (std::size_t c = 0; c < 3; ++c) names.push_back(fmt::format("f_rest_{}", c * (n / 3) + i));
@@ -71,9 +68,6 @@ void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout)
 }
 
 Layout find_columns(const std::string& path, const PlyElement& vertex) {
-  if (vertex.find("packed_position"))
-    fail(Status::format, "{}: a compressed PLY (packed_position), as SuperSplat writes it, which is not read; {}", path,
-         how_to_convert_scene(path));
   Layout out;
   if (!add_group(path, vertex, out, {"x", "y", "z"}))
     fail(Status::format, "{}: element vertex has no property x", path);
@@ -119,7 +113,7 @@ struct Gaussian {
 
 // The reason why a Gaussian cannot be drawn, and the column that causes it.
 struct Defect {
-  enum class Kind { none, not_finite, scale, rotation } kind = Kind::none;
+  GaussianDefect kind = GaussianDefect::none;
   std::size_t column = 0;
 };
 
@@ -131,23 +125,23 @@ Defect not_finite(const float* values, std::size_t begin, std::size_t count) {
   if (good) return {};
   std::size_t i = begin;
   while (fits(values[i])) ++i;
-  return {Defect::Kind::not_finite, i};
+  return {GaussianDefect::not_finite, i};
 }
 
 // Converts the columns' values to a Gaussian.
 Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   const std::size_t plain = 3 + 3 * layout.sh_count();
-  if (const Defect d = not_finite(values, 0, plain); d.kind != Defect::Kind::none) return d;
+  if (const Defect d = not_finite(values, 0, plain); d.kind != GaussianDefect::none) return d;
   std::copy_n(values, 3, out.mean);
   std::copy_n(values + 3, plain - 3, out.sh);
   for (std::size_t i = 3; layout.is_rgb && i < 6; ++i) {
     const double sh = (values[i] / colour_range(layout.columns[i]->type) - 0.5) / kShC0;
-    if (!fits(sh)) return {Defect::Kind::not_finite, i};
+    if (!fits(sh)) return {GaussianDefect::not_finite, i};
     out.sh[i - 3] = static_cast<float>(sh);
   }
 
   const float logit = layout.opacity ? values[*layout.opacity] : 0;
-  if (std::isnan(logit)) return {Defect::Kind::not_finite, *layout.opacity};
+  if (std::isnan(logit)) return {GaussianDefect::not_finite, *layout.opacity};
   out.opacity = static_cast<float>(sigmoid(static_cast<double>(logit)));
 
   std::fill_n(out.scale, 3, std::exp(-4.0f));
@@ -157,9 +151,9 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
     for (std::size_t i = 0; i < scales; ++i) {
       const float logarithm = values[begin + i];
       if (std::isnan(logarithm) || logarithm == std::numeric_limits<float>::infinity())
-        return {Defect::Kind::not_finite, begin + i};
+        return {GaussianDefect::not_finite, begin + i};
       const double scale = std::exp(static_cast<double>(logarithm));
-      if (!fits(scale)) return {Defect::Kind::scale, begin + i};
+      if (!fits(scale)) return {GaussianDefect::huge_scale, begin + i};
       out.scale[i] = static_cast<float>(scale);
       // Flat in that direction: use the smallest normal float, whose logarithm is finite.
       if (std::isinf(logarithm)) out.scale[i] = std::numeric_limits<float>::min();
@@ -170,10 +164,10 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   std::copy_n(std::array{1.0f, 0.0f, 0.0f, 0.0f}.data(), 4, out.quat);
   if (layout.quats) {
     const std::size_t begin = *layout.quats;
-    if (const Defect d = not_finite(values, begin, 4); d.kind != Defect::Kind::none) return d;
+    if (const Defect d = not_finite(values, begin, 4); d.kind != GaussianDefect::none) return d;
     double norm = 0;
     for (std::size_t i = 0; i < 4; ++i) norm += static_cast<double>(values[begin + i]) * values[begin + i];
-    if (!(norm > 0)) return {Defect::Kind::rotation, begin};
+    if (!(norm > 0)) return {GaussianDefect::zero_rotation, begin};
     norm = std::sqrt(norm);
     for (std::size_t i = 0; i < 4; ++i) out.quat[i] = static_cast<float>(values[begin + i] / norm);
   }
@@ -185,10 +179,10 @@ std::string describe(const Defect& defect, const Layout& layout, const PlyRows& 
   const double found = rows.value(defect.column);
   std::string what;
   switch (defect.kind) {
-    case Defect::Kind::scale:
+    case GaussianDefect::huge_scale:
       what = fmt::format("{}, a scale's logarithm, is beyond what a float holds: at most 88.7 is expected", found);
       break;
-    case Defect::Kind::rotation:
+    case GaussianDefect::zero_rotation:
       what = "the quaternion rot_0 to rot_3 is zero, any other length is expected";
       break;
     default:
@@ -196,19 +190,6 @@ std::string describe(const Defect& defect, const Layout& layout, const PlyRows& 
   }
   return fmt::format("Gaussian {}, {} (byte {}): {}", k, layout.columns[defect.column]->name,
                      rows.byte_of(defect.column), what);
-}
-
-void count_defect(const Defect& defect, SkippedGaussians& skipped) {
-  switch (defect.kind) {
-    case Defect::Kind::scale:
-      ++skipped.huge_scale;
-      break;
-    case Defect::Kind::rotation:
-      ++skipped.zero_rotation;
-      break;
-    default:
-      ++skipped.not_finite;
-  }
 }
 
 void append(Gaussians& g, const Gaussian& one) {
@@ -236,25 +217,17 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
   g.sh.reserve(3 * room * g.sh_count());
   std::vector<float> values(layout.columns.size());
   Gaussian one{};
-  std::string first;
+  GaussianSkips skips(path, skipped);
   for (std::uint64_t k = 0; k < count; ++k) {
     rows.next(values.data());
     const Defect defect = decode(layout, values.data(), one);
-    if (defect.kind == Defect::Kind::none) {
+    if (defect.kind == GaussianDefect::none) {
       append(g, one);
       continue;
     }
-    if (!skipped)
-      fail(Status::format, "{}: {} ({} leaves such Gaussians out)", path, describe(defect, layout, rows, k),
-           Option::skip_bad_gaussians);
-    if (first.empty()) first = describe(defect, layout, rows, k);
-    count_defect(defect, *skipped);
+    skips.add(defect.kind, [&] { return describe(defect, layout, rows, k); });
   }
-  if (!first.empty())
-    warn(
-        "{}: {} of {} Gaussians are left out: {} with values that are not finite, {} with scales too large, {} with "
-        "rotations of length 0; the first is {}",
-        path, skipped->total(), count, skipped->not_finite, skipped->huge_scale, skipped->zero_rotation, first);
+  skips.report(count);
   return g;
 }
 
@@ -306,89 +279,17 @@ void look_at_activated(const std::string& path, const Layout& layout, const Gaus
         path);
 }
 
-template <class Number>
-std::vector<Number> comment_numbers(const std::string& path, const std::string& comment, std::istringstream& in,
-                                    std::size_t count) {
-  std::vector<Number> out;
-  for (std::string word; in >> word;) {
-    Number v = 0;
-    const auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), v);
-    if (problem != std::errc() || end != word.data() + word.size() || !std::isfinite(v)) break;
-    out.push_back(v);
-  }
-  if (out.size() != count || !in.eof())
-    fail(Status::format, "{}: comment \"{}\": {} finite number{} expected", path, printable(comment), count,
-         count == 1 ? " is" : "s are");
-  return out;
-}
-
-// Normalised to length 1, but unchanged if the length is 1 up to rounding.
-std::array<float, 3> direction(const std::string& path, const std::string& comment, const std::vector<float>& v) {
-  const double length = std::hypot(static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2]));
-  if (length == 0) fail(Status::format, "{}: comment \"{}\": a direction is expected", path, printable(comment));
-  if (std::abs(length - 1) < 1e-6) return {v[0], v[1], v[2]};
-  const auto part = [&](int i) { return static_cast<float>(v[i] / length); };
-  return {part(0), part(1), part(2)};
-}
-
-// How to draw the file's Gaussians, as several programs write it. Others than these are drawn as `default`.
-void read_render_mode(const std::string& path, const std::string& mode, GaussianKind kind, Scene& scene) {
-  if (mode == "mip" && kind == GaussianKind::surfel) {
-    warn("{}: comment \"SplatRenderMode: mip\" is ignored: anti-aliasing is for volumes, and these are surfels", path);
-    return;
-  }
-  scene.antialias = mode == "mip";
-  if (mode != "mip" && mode != "default" && mode != "2dgs")
-    warn("{}: comment \"SplatRenderMode: {}\" is ignored: default, mip or 2dgs expected", path, printable(mode));
-}
-
-// Reads the comments that vsplat writes.
-void read_comments(const std::string& path, const PlyHeader& header, GaussianKind kind, Scene& scene) {
-  for (const std::string& comment : header.comments) {
-    std::istringstream in(comment);
-    std::string who, what;
-    in >> who >> what;
-    if (who == "SplatRenderMode:") read_render_mode(path, what, kind, scene);
-    if (who != "vsplat") continue;
-    if (what == "near") {
-      scene.near = comment_numbers<float>(path, comment, in, 1)[0];
-      if (scene.near < 0)
-        fail(Status::format, "{}: comment \"{}\": a distance of at least 0 is expected", path, printable(comment));
-    } else if (what == "mirror_camera_about") {
-      const std::vector<float> p = comment_numbers<float>(path, comment, in, 3);
-      scene.mirror = {p[0], p[1], p[2]};
-    } else if (what == "offset") {
-      const std::vector<double> p = comment_numbers<double>(path, comment, in, 3);
-      scene.offset = {p[0], p[1], p[2]};
-      if (scene.offset.cwiseAbs().maxCoeff() > kFarthestOffset)
-        fail(Status::format, "{}: comment \"{}\": a place at most {} from the origin is expected", path,
-             printable(comment), kFarthestOffset);
-    } else if (what == "detail") {
-      const std::vector<float> p = comment_numbers<float>(path, comment, in, 4);
-      if (!(p[0] > 0))
-        fail(Status::format, "{}: comment \"{}\": a pixel's width above 0 is expected", path, printable(comment));
-      scene.detail = Detail{{p[1], p[2], p[3]}, p[0]};
-    } else if (what == "up") {
-      scene.up = direction(path, comment, comment_numbers<float>(path, comment, in, 3));
-    }
-  }
-}
-
-}  // namespace
-
-namespace {
-
 Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
   const std::string& path = in.path();
   const PlyHeader header = read_ply_header(in);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const PlyElement& e) { return e.name == "vertex"; });
   if (vertex == header.elements.end()) fail(Status::format, "{}: no element vertex: no 3DGS file", path);
+  if (vertex->find("packed_position")) return read_compressed_ply(in, header, skipped);
   const Layout layout = find_columns(path, *vertex);
   const std::unique_ptr<PlyRows> rows = PlyRows::open(in, header, *vertex, layout.columns);
   Scene scene;
   read_comments(path, header, layout.kind, scene);
-  if (skipped) *skipped = {};
   scene.gaussians = read_gaussians(path, layout, vertex->count, *rows, skipped);
   look_at_colours(path, layout, scene.gaussians);
   look_at_activated(path, layout, scene.gaussians);

@@ -54,8 +54,13 @@ void warn_of_rest(const PlyFile& file, std::uint64_t at) {
 // Rows of `stride` bytes in either byte order.
 class BinaryRows : public PlyRows {
  public:
-  BinaryRows(PlyFile& file, const PlyHeader& header, const PlyElement& element, std::vector<const PlyProperty*> wanted)
-      : file_(file), element_(element), wanted_(std::move(wanted)), swap_(header.format == PlyFormat::big_endian) {
+  BinaryRows(PlyFile& file, const PlyHeader& header, const PlyElement& element, std::vector<const PlyProperty*> wanted,
+             bool tells_rest)
+      : file_(file),
+        element_(element),
+        wanted_(std::move(wanted)),
+        swap_(header.format == PlyFormat::big_endian),
+        tells_rest_(tells_rest) {
     for (const PlyProperty* p : wanted_) all_floats_ &= p->type == PlyType::f32;
     block_at_ = find(header);
     file_.seek(block_at_);
@@ -93,7 +98,7 @@ class BinaryRows : public PlyRows {
         promises_too_much(file_, e, fmt::format("{} bytes", e.stride), at, (file_.size() - at) / e.stride);
       at += e.count * e.stride;
     }
-    if (at < file_.size()) warn_of_rest(file_, at);
+    if (at < file_.size() && tells_rest_) warn_of_rest(file_, at);
     return begin;
   }
 
@@ -152,7 +157,7 @@ class BinaryRows : public PlyRows {
   PlyFile& file_;
   const PlyElement& element_;
   std::vector<const PlyProperty*> wanted_;
-  bool swap_, all_floats_ = true;
+  bool swap_, tells_rest_, all_floats_ = true;
   std::vector<unsigned char> block_;
   const unsigned char* data_ = nullptr;  // of the current row
   std::size_t most_ = 0, rows_ = 0, row_ = 0;
@@ -272,11 +277,11 @@ class TextRows : public PlyRows {
 }  // namespace
 
 std::unique_ptr<PlyRows> PlyRows::open(PlyFile& file, const PlyHeader& header, const PlyElement& element,
-                                       std::vector<const PlyProperty*> wanted) {
+                                       std::vector<const PlyProperty*> wanted, bool tells_rest) {
   if (element.has_list())
     fail(Status::format, "{}: element {} has the list {}: no 3DGS file", file.path(), element.name, element.list);
   if (header.format == PlyFormat::ascii) return std::make_unique<TextRows>(file, header, element, std::move(wanted));
-  return std::make_unique<BinaryRows>(file, header, element, std::move(wanted));
+  return std::make_unique<BinaryRows>(file, header, element, std::move(wanted), tells_rest);
 }
 
 }  // namespace vsplat

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "model/io/scene/ply.h"
+#include "model/io/scene/ply_comments.h"
 #include "runtime/fail.h"
 #include "runtime/files/output_file.h"
 
@@ -26,16 +27,7 @@ std::vector<std::string> property_names(std::size_t sh_count, int scales) {
 
 std::string make_header(const Scene& scene, const std::vector<std::string>& names) {
   std::string out = "ply\nformat binary_little_endian 1.0\n";
-  out += fmt::format("comment vsplat near {}\n", scene.near);
-  const Eigen::Vector3d& offset = scene.offset;
-  if (!offset.isZero(0)) out += fmt::format("comment vsplat offset {} {} {}\n", offset.x(), offset.y(), offset.z());
-  if (scene.up) out += fmt::format("comment vsplat up {} {} {}\n", (*scene.up)[0], (*scene.up)[1], (*scene.up)[2]);
-  if (const auto& d = scene.detail)
-    out += fmt::format("comment vsplat detail {} {} {} {}\n", d->pixel, d->at[0], d->at[1], d->at[2]);
-  if (scene.mirror)
-    out += fmt::format("comment vsplat mirror_camera_about {} {} {}\n", (*scene.mirror)[0], (*scene.mirror)[1],
-                       (*scene.mirror)[2]);
-  if (scene.antialias) out += "comment SplatRenderMode: mip\n";
+  out += comments_of(scene);
   out += fmt::format("comment SH degree: {}\n", scene.gaussians.sh_degree);
   out += fmt::format("element vertex {}\n", scene.gaussians.count);
   for (const std::string& name : names) out += "property float " + name + "\n";

@@ -63,7 +63,7 @@ static void refuses_bad_values(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(NULL, &arrays, &scene));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, NULL, &scene));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, NULL));
-  info.sh_degree = 4;
+  info.sh_degree = 5;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
   info.sh_degree = 1;
   info.near_plane = -1;

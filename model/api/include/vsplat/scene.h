@@ -14,7 +14,7 @@ typedef struct vsplat_scene_impl* vsplat_scene;
 typedef struct vsplat_scene_info {
   size_t size;
   uint64_t count;     /* number of Gaussians */
-  int32_t sh_degree;  /* 0 to 3 */
+  int32_t sh_degree;  /* 0 to 4; drawn up to 3 */
   double near_plane;  /* world units */
   int32_t has_mirror; /* 1: view-dependent colour is evaluated from the camera's mirror image about `mirror` */
   double mirror[3];   /* relative to `offset` */
@@ -51,9 +51,28 @@ typedef struct vsplat_gaussians {
 #define VSPLAT_GAUSSIANS_INIT \
   { sizeof(vsplat_gaussians), 0, NULL, NULL, NULL, NULL, NULL }
 
-/* Reads a standard 3DGS PLY, binary or ASCII, or one of surfels as in 2DGS, with two scales each. VSPLAT_ERROR_FORMAT
-   names the Gaussian, the property and the byte of the first value that cannot be drawn. Bytes beyond those that the
-   header describes give a warning. */
+/* A format of scene files. The texts belong to the library and are valid while it is loaded. */
+typedef struct vsplat_scene_format {
+  size_t size;
+  const char* name;      /* "ply", "spz", ...: what vsplat_scene_save_options.format takes */
+  const char* title;     /* "3DGS PLY" */
+  const char* endings;   /* ".glb .gltf": of files in this format, in lower case, separated by spaces */
+  int32_t reads;         /* 1: vsplat_scene_load reads it */
+  int32_t writes;        /* 1: vsplat_scene_save writes it */
+  int32_t sh_degree;     /* highest degree of spherical harmonics that is written */
+  int32_t lossless;      /* 1: every value is read as it was written */
+  const char* lost;      /* what no file of the format holds, in English */
+  const char* opened_by; /* other programs that open it, in English */
+} vsplat_scene_format;
+#define VSPLAT_SCENE_FORMAT_INIT \
+  { sizeof(vsplat_scene_format), NULL, NULL, NULL, 0, 0, 0, 0, NULL, NULL }
+/* How many formats there are; vsplat_scene_format_get gives number `index` of them. */
+VSPLAT_API size_t vsplat_scene_format_count(void);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_format_get(size_t index, vsplat_scene_format* out_format);
+
+/* Reads a scene of any format in the table, identified by its content, and by its ending where the content does not say.
+   A PLY may be binary or ASCII, and have surfels as in 2DGS, with two scales each. VSPLAT_ERROR_FORMAT names the
+   Gaussian, the property and the byte of the first value that cannot be drawn. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene);
 
 typedef struct vsplat_scene_load_options {
@@ -67,7 +86,7 @@ typedef struct vsplat_scene_load_options {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_with(const char* path,
                                                                  const vsplat_scene_load_options* options,
                                                                  vsplat_scene* out_scene);
-/* Like vsplat_scene_load_with, from the bytes of a PLY file. They are only read during the call. */
+/* Like vsplat_scene_load_with, from the bytes of a file. They are only read during the call. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_memory(const void* bytes, size_t size,
                                                                    const vsplat_scene_load_options* options,
                                                                    vsplat_scene* out_scene);
@@ -103,14 +122,35 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_remove(vsplat_scene scene
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_crop(vsplat_scene scene, const double low[3],
                                                             const double high[3]);
 
-/* Writes a PLY that vsplat_scene_load reads, whole or not at all; replaces an existing file. If the scene has an
-   offset, positions in the file are relative to it. A comment in the file states the offset for vsplat_scene_load, and
-   SCENE.offset.json, written beside it, states it for other programs. If the scene has no offset, a SCENE.offset.json
-   that an earlier scene of this name has left is removed. */
+/* Writes a file that vsplat_scene_load reads, in the format of the path's ending, whole or not at all; replaces an
+   existing file. VSPLAT_ERROR_USAGE lists the endings if it is another one. If the scene has an offset, positions in the
+   file are relative to it. A comment in a PLY states the offset for vsplat_scene_load, and SCENE.offset.json, written
+   beside it, states it for other programs. If the scene has no offset, a SCENE.offset.json that an earlier scene of this
+   name has left is removed. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
-/* The bytes of that file, `*out_size` of them. They belong to the caller; free them with vsplat_text_free. */
+
+typedef struct vsplat_scene_save_options {
+  size_t size;
+  const char* format;  /* vsplat_scene_format.name; NULL: by the path's ending, and a PLY in memory */
+  int32_t spz_version; /* 2 to 4; 0: 4 */
+} vsplat_scene_save_options;
+#define VSPLAT_SCENE_SAVE_OPTIONS_INIT \
+  { sizeof(vsplat_scene_save_options), NULL, 0 }
+/* Like vsplat_scene_save, with options; NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_with(vsplat_scene scene, const char* path,
+                                                                 const vsplat_scene_save_options* options);
+/* The bytes of the PLY that vsplat_scene_save writes, `*out_size` of them. They belong to the caller; free them with
+   vsplat_text_free. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_memory(vsplat_scene scene, char** out_bytes,
                                                                    size_t* out_size);
+/* Like vsplat_scene_save_memory, in any format; NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_memory_with(vsplat_scene scene,
+                                                                        const vsplat_scene_save_options* options,
+                                                                        char** out_bytes, size_t* out_size);
+/* What a file in `format` (vsplat_scene_format.name) would lose of this scene: an English sentence a line, empty if it
+   keeps all. Free it with vsplat_text_free. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_get_losses(vsplat_scene scene, const char* format,
+                                                                  char** out_text);
 /* Converts a scene of surfels, which are flat, to one of Gaussians, for programs that do not support surfels. Each gets
    a third standard deviation, across its plane, of `thickness` times the smaller of its two (above 0, at most 1).
    VSPLAT_ERROR_USAGE: the scene is not one of surfels. */

@@ -202,6 +202,13 @@ struct Gaussians {
   operator ConstGaussianSpans() const { return {means, scales, rotations, opacities, sh}; }
 };
 
+// The formats of scene files.
+inline std::vector<vsplat_scene_format> scene_formats() {
+  std::vector<vsplat_scene_format> out(vsplat_scene_format_count(), vsplat_scene_format VSPLAT_SCENE_FORMAT_INIT);
+  for (size_t i = 0; i < out.size(); ++i) check(vsplat_scene_format_get(i, &out[i]));
+  return out;
+}
+
 class Scene : public SceneHandle {
  public:
   Scene() = default;
@@ -212,7 +219,7 @@ class Scene : public SceneHandle {
     check(vsplat_scene_load(path.c_str(), &out));
     return Scene(out);
   }
-  // Reads a scene from a PLY file's bytes.
+  // Reads a scene from a file's bytes, in any format.
   static Scene load(Span<const unsigned char> bytes,
                     const vsplat_scene_load_options& options = VSPLAT_SCENE_LOAD_OPTIONS_INIT) {
     vsplat_scene out = nullptr;
@@ -263,13 +270,23 @@ class Scene : public SceneHandle {
   // `removed` has a value for each Gaussian; those that are not 0 mark the Gaussians to remove.
   void remove(Span<const uint8_t> removed) { check(vsplat_scene_remove(get(), removed.data(), removed.size())); }
   void crop(const double (&low)[3], const double (&high)[3]) { check(vsplat_scene_crop(get(), low, high)); }
-  void save(const std::string& path) const { check(vsplat_scene_save(get(), path.c_str())); }
-  // The bytes that save() would write.
-  std::vector<unsigned char> save_memory() const {
+  // Writes the format of the path's ending, or that of the options.
+  void save(const std::string& path, const vsplat_scene_save_options& options = VSPLAT_SCENE_SAVE_OPTIONS_INIT) const {
+    check(vsplat_scene_save_with(get(), path.c_str(), &options));
+  }
+  // The bytes that save() would write; a PLY unless the options name another format.
+  std::vector<unsigned char> save_memory(
+      const vsplat_scene_save_options& options = VSPLAT_SCENE_SAVE_OPTIONS_INIT) const {
     char* out = nullptr;
     size_t size = 0;
-    check(vsplat_scene_save_memory(get(), &out, &size));
+    check(vsplat_scene_save_memory_with(get(), &options, &out, &size));
     return bytes(out, size);
+  }
+  // What a file in that format would lose of this scene, a sentence a line.
+  std::string losses(const std::string& format) const {
+    char* out = nullptr;
+    check(vsplat_scene_get_losses(get(), format.c_str(), &out));
+    return text(out);
   }
   Scene surfels_to_gaussians(double thickness) const {
     vsplat_scene out = nullptr;
