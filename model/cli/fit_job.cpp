@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "arguments.h"
+#include "data_uri.h"
 #include "naming.h"
 #include "runtime/system/system.h"
 
