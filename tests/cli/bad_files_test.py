@@ -15,7 +15,7 @@ import support
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "hostile"))
 import rule  # noqa: E402
 
-COMMANDS = ("reconstruct", "fit", "render", "convert", "init", "weights info", "weights verify", "weights convert", "weights import", "devices",
+COMMANDS = ("reconstruct", "fit", "render", "convert", "info", "init", "weights info", "weights verify", "weights convert", "weights import", "devices",
             "doctor", "report", "kernels", "tune", "selftest", "bench", "profile diff", "dataset render", "dataset procedural", "dataset info",
             "train", "evaluate")
 # The words by which --help stands for a file or a folder.
@@ -52,7 +52,8 @@ READ = [
     ("render --cameras", "", (*RENDER, "--cameras", "{bad}", "--images", "{out}/x"), ()),
     ("render --cameras path", "", (*RENDER, "--cameras", "path:{bad}:3", "--images", "{out}/x"), ()),
     ("render --compare", "", (*RENDER, "--cameras", "{object}", "--compare", "{bad}"), ()),
-    ("convert SCENE.ply", ".ply", ("convert", "{bad}", "--surfels-to-gaussians", "0.1", "--output", "{out}/s.ply"), ()),
+    ("convert SCENE", ".ply", ("convert", "{bad}", "--surfels-to-gaussians", "0.1", "--output", "{out}/s.ply"), ()),
+    ("info SCENE", ".ply", ("info", "{bad}", *SMALL), ("scene",)),
     ("init --encoder", ".safetensors", ("init", "micro", "--seed", "1", "--encoder", "{bad}", "--output", "{out}/m.safetensors"), ("model",)),
     ("weights info MODEL", ".safetensors", ("weights", "info", "{bad}"), ("model", "weights")),
     ("weights verify MODEL", ".safetensors", ("weights", "verify", "{bad}"), ("model",)),
@@ -110,6 +111,7 @@ WRITTEN = [
     ("render --differences", "/", (*RENDER, "--cameras", "{object}", "--compare", "{object}/images", "--differences", "{bad}")),
     ("convert --output", ".ply", ("convert", "{surfels}", "--surfels-to-gaussians", "0.1", "--output", "{bad}")),
     ("init --output", ".safetensors", ("init", "micro", "--seed", "1", "--output", "{bad}")),
+    ("info --picture", ".png", ("info", "{scene}", "--picture", "{bad}", *SMALL)),
     ("weights convert --output", ".safetensors", ("weights", "convert", "{model}", "--dtype", "f16", "--output", "{bad}")),
     ("weights import --output", ".safetensors", ("weights", "import", "{model}", "--output", "{bad}")),
     ("report --output", ".json", ("report", "--no-run", "--seconds", "20", "--output", "{bad}")),
