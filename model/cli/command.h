@@ -109,6 +109,7 @@ void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
 void add_fit(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
+void add_view(CLI::App& app, Run& run);
 void add_scene_convert(CLI::App& app, Run& run);                                     // convert
 void add_scene_info(CLI::App& app, Run& run);                                        // info
 void add_bench(CLI::App& app, Run& run, const std::vector<std::string>& arguments);  // as given to the program

@@ -10,6 +10,7 @@
 #include "scene_changes.h"
 #include "scene_check.h"
 #include "scene_file.h"
+#include "scene_page.h"
 #include "session.h"
 
 namespace command {
@@ -19,7 +20,7 @@ struct ConvertOptions {
   Common common;
   ChangeOptions changes;
   std::vector<std::string> paths;  // the inputs, and the output if `output` is empty
-  std::string output, spz_version;
+  std::string output, spz_version, viewer;
   std::optional<double> thickness;  // surfels get this third scale
   double verify = 0;                // the least PSNR; 0: not verified
   bool skip_bad = false;
@@ -33,7 +34,7 @@ void name_output(ConvertOptions& o) {
     o.output = o.paths.back();
     o.paths.pop_back();
   }
-  need_scene_ending("OUT", o.output);
+  if (!is_page(o.output)) need_scene_ending("OUT", o.output);
 }
 
 // All inputs in one scene.
@@ -92,6 +93,7 @@ void convert(ConvertOptions o) {
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : o.paths) outputs.input(path);
   SceneFile file(outputs, o.output);
+  PageFile page(outputs, o.output, o.viewer, {});
   vsplat::Scene scene = merged(o);
   changes.apply(o.common, scene);
   const uint64_t before = scene.info().count;
@@ -103,21 +105,25 @@ void convert(ConvertOptions o) {
   if (info.count < before)
     say(o.common, std::to_string(before - info.count) + " of " + std::to_string(before) +
                       " Gaussians are left out as the least visible");
-  const std::string format = file.format();
+  const std::string format = is_page(o.output) ? "spz" : file.format();  // a page holds an SPZ file
   saving.format = format.c_str();
   std::optional<SceneCheck> check;
   std::vector<unsigned char> bytes;
   if (o.verify > 0) bytes = verified_bytes(o, *session, scene, saving, check);
   file.save(o.common, scene, saving, o.verify > 0 ? &bytes : nullptr);
+  page.save(o.common, {{"scene", scene}});
   outputs.commit();
   say(o.common, o.output + ": " + std::to_string(info.count) + (info.surfels ? " surfels" : " Gaussians"));
   if (!o.common.json) return;
-  nlohmann::ordered_json out = {
-      {"output", o.output}, {"format", format}, {"gaussians", info.count}, {"sh_degree", info.sh_degree}};
+  nlohmann::ordered_json out = {{"output", o.output},
+                                {"format", is_page(o.output) ? "html" : format},
+                                {"gaussians", info.count},
+                                {"sh_degree", info.sh_degree}};
   if (o.thickness) out["thickness"] = *o.thickness;
   changes.add_results(out);
   out["removed"]["least_visible"] = before - info.count;
   file.add_results(out);
+  page.add_results(out);
   if (check) check->add_results(o.verify, out);
   print_json(out);
 }
@@ -146,6 +152,7 @@ void add_scene_convert(CLI::App& app, Run& run) {
       ->type_name("THICKNESS");
   sub->add_flag("--skip-bad", o->skip_bad,
                 "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0)");
+  add_viewer_option(*sub, o->viewer, "Files");
   add_change_options(*sub, o->changes);
   add_common(*sub, o->common, {.profile = false, .outside = false});
   sub->footer(

@@ -7,6 +7,7 @@
 #include "arguments.h"
 #include "fit_settings.h"
 #include "scene_file.h"
+#include "scene_page.h"
 
 namespace command {
 namespace {
@@ -17,7 +18,7 @@ struct FitCommand {
   Common common;
   FitSettings settings;
   std::vector<CLI::Option*> options;  // of the settings
-  std::string views, output, settings_file;
+  std::string views, output, settings_file, viewer;
   bool dry_run = false;
 };
 
@@ -49,7 +50,7 @@ void dry_run(const FitCommand& o, FitJob& job, FitInputs& inputs, const vsplat::
 void check(const FitCommand& o) {
   check(o.settings);
   if (o.output.empty() && !o.dry_run) throw UsageError("fit needs --output, the scene's file");
-  need_scene_ending("--output", o.output);
+  if (!is_page(o.output)) need_scene_ending("--output", o.output);
 }
 
 // The files beside the scene: what was not asked for otherwise.
@@ -86,6 +87,7 @@ void fit(FitCommand& o) {
   for (const std::string& path : {start_file(s), s.model, o.settings_file}) outputs.input(path);
   for (const std::string& path : views.files()) outputs.input(path);
   SceneFile file(outputs, o.output);
+  PageFile page(outputs, o.output, o.viewer, {o.views, s.picture_folder});
   for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
   job.expect(outputs, o.output);
 
@@ -96,6 +98,8 @@ void fit(FitCommand& o) {
   inputs->load();
   const vsplat::Scene result = job.run(session, o.common, views, outputs);
   file.save(o.common, result);
+  page.save(o.common, job.result().returned ? std::vector<PageScene>{{"start", result}}
+                                            : std::vector<PageScene>{{"start", job.start()}, {"fitted", result}});
   session.write_profile(outputs);
   outputs.commit();
   job.summarise(o.common);
@@ -104,6 +108,7 @@ void fit(FitCommand& o) {
   if (!o.common.json) return;
   nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
   file.add_results(out);
+  page.add_results(out);
   job.add_results(out);
   session.add_numerics(out);
   out["seconds"] = elapsed_seconds();
@@ -119,7 +124,8 @@ void add_fit(CLI::App& app, Run& run) {
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->required()
       ->type_name("VIEWS");
-  sub->add_option("-o,--output", o->output, "The scene to write, in the format of its ending")->type_name("SCENE");
+  sub->add_option("-o,--output", o->output, "The scene to write, in the format of its ending, or its page (.html)")
+      ->type_name("SCENE");
   FitOptions& fit_options = o->settings.fit;
   o->options = add_fit_settings(*sub, o->settings);
   sub->add_option("--settings", o->settings_file,
@@ -127,6 +133,7 @@ void add_fit(CLI::App& app, Run& run) {
                   "by their names, {\"steps\": 3000}")
       ->type_name("FILE.json");
   const char* files = "Beside the scene";
+  add_viewer_option(*sub, o->viewer, files);
   sub->add_option("--page", fit_options.page,
                   "A page with curves, held-out pictures, times and settings (default: SCENE.fit.html)")
       ->type_name("FILE.html|none")
@@ -152,7 +159,7 @@ void add_fit(CLI::App& app, Run& run) {
   sub->footer(
       "Examples:\n"
       "  vsplat fit photos/ --start network --output sharp.ply --sheet sheet.png\n"
-      "  vsplat fit photos/ --start scene.ply --output sharp.ply --size full --time 120\n"
+      "  vsplat fit photos/ --start scene.ply --output sharp.ply --size full --time 120 --viewer sharp.html\n"
       "  vsplat fit colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
       "  vsplat fit photos/ --start network --output sharp.ply --poses --exposure\n"
       "  vsplat fit photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "data_uri.h"
 #include "naming.h"
 #include "runtime/system/system.h"
 

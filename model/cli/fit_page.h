@@ -38,7 +38,4 @@ struct FitPage {
 
 std::string fit_page_text(const FitPage& page);
 
-// A JPEG as a data URI, scaled down by whole factors so that the longer side has at most 640 pixels.
-std::string picture_uri(const vsplat::Picture& picture);
-
 }  // namespace command

@@ -22,12 +22,14 @@ int main(int argc, char** argv) {
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat fit photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
+      "  vsplat view scene.ply                            shows it in the browser\n"
       "  vsplat-window scene.ply                          shows it, turned with the mouse (where SDL is installed)\n"
       "`vsplat help COMMAND` and `vsplat COMMAND --help` show all options of a command, with examples.");
   command::Run run;
   command::add_reconstruct(app, run);
   command::add_fit(app, run);
   command::add_render(app, run);
+  command::add_view(app, run);
   command::add_scene_convert(app, run);
   command::add_scene_info(app, run);
   command::add_init(app, run);

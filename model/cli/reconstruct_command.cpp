@@ -10,6 +10,7 @@
 #include "placement_options.h"
 #include "reconstruct_list.h"
 #include "scene_file.h"
+#include "scene_page.h"
 
 namespace command {
 namespace {
@@ -19,7 +20,7 @@ struct ReconstructOptions {
   PictureOptions pictures;
   PlacementOptions placement;
   std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
-  std::string selection, selection_seed, assume_selected;
+  std::string selection, selection_seed, assume_selected, viewer;
   int view_count = 0;  // 0: the model's
   bool force = false, dry_run = false, refine = false;
   FitOptions fit;
@@ -46,7 +47,7 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   if (o.output.empty() && !o.dry_run)
     throw UsageError(o.list.empty() ? "reconstruct needs --output, the scene's file"
                                     : "reconstruct --list needs --output, the folder for the scenes");
-  if (o.list.empty()) need_scene_ending("--output", o.output);
+  if (o.list.empty() && !is_page(o.output)) need_scene_ending("--output", o.output);
   if (pictures.wanted && !pictures.written)
     throw UsageError(
         "--render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
@@ -107,7 +108,7 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
 }
 
 void summarise(const ReconstructOptions& o, const Session& session, const PictureJob& job, const vsplat::Input& input,
-               const vsplat::Scene& scene, const SceneFile& file, std::size_t pictures,
+               const vsplat::Scene& scene, const SceneFile& file, const PageFile& page, std::size_t pictures,
                const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit) {
   const vsplat_scene_info info = scene.info();
   const std::size_t selected = (fit ? fit->start() : scene).selection().size();
@@ -128,6 +129,7 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
                                 {"up", {info.up[0], info.up[1], info.up[2]}},
                                 {"images", job.images.empty() ? 0 : pictures}};
   file.add_results(out);
+  page.add_results(out);
   job.add_results(comparison, out);
   if (fit) fit->add_results(out["refined"]);
   session.add_numerics(out);
@@ -136,10 +138,11 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
 }
 
 // Fits a scene to all used views (those of --views, else all that are listed), starting from the network's scene from
-// the same views in the same cube. Writes the network's scene first, so that it remains if the fit ends early.
+// the same views in the same cube. Writes the network's scene and its page first, so that they remain if the fit ends
+// early.
 vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Session& session,
                               const vsplat::Model& model, const vsplat::Views& views, const vsplat::Input& input,
-                              SceneFile& file, Outputs& outputs) {
+                              SceneFile& file, PageFile& page, Outputs& outputs) {
   const vsplat_input_info placed = input.info();
   vsplat_input_options same = request.input;
   same.has_center = 1;
@@ -155,12 +158,16 @@ vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Ses
   options.num_names = request.input.num_names;
   const auto keep = [&](const vsplat::Scene& start) {
     file.save(o.common, start);
+    page.save(o.common, {{"network", start}});
     outputs.keep();
     say(o.common,
         o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are fitted now");
   };
   vsplat::Scene fitted = request.fit->run(session, o.common, views, outputs, keep);
   file.save(o.common, fitted);
+  page.save(o.common, request.fit->result().returned
+                          ? std::vector<PageScene>{{"network", fitted}}
+                          : std::vector<PageScene>{{"network", request.fit->start()}, {"fitted", fitted}});
   outputs.keep();
   return fitted;
 }
@@ -202,6 +209,7 @@ void reconstruct(ReconstructOptions& o) {
   outputs.input_cameras(job.choice.file);
   for (const std::string& path : views.files()) outputs.input(path);
   SceneFile file(outputs, o.output);
+  PageFile page(outputs, o.output, o.viewer, {o.views, o.picture_folder});
   for (const std::string& path : {o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
   if (request.fit) request.fit->expect(outputs, o.output);
@@ -236,7 +244,7 @@ void reconstruct(ReconstructOptions& o) {
   vsplat::Scene scene;
   if (!request.fit || request.run.dump)
     scene = naming({o.views}, others, [&] { return vsplat::reconstruct(session.device(), model, input, request.run); });
-  if (request.fit) scene = fit_to_pictures(o, request, session, model, views, input, file, outputs);
+  if (request.fit) scene = fit_to_pictures(o, request, session, model, views, input, file, page, outputs);
   if (job.wanted && request.fit)
     draw_fitted(o, session, job, scene, shots.all, comparison, outputs);
   else if (job.wanted)
@@ -246,10 +254,13 @@ void reconstruct(ReconstructOptions& o) {
   if (!o.write_selection.empty())
     vsplat::check(vsplat_scene_save_selection((request.fit ? request.fit->start() : scene).get(),
                                               outputs.begin(o.write_selection).c_str()));
-  if (!request.fit) file.save(o.common, scene);
+  if (!request.fit) {
+    file.save(o.common, scene);
+    page.save(o.common, {{"network", scene}});
+  }
   session.write_profile(outputs);
   outputs.commit();
-  summarise(o, session, job, input, scene, file, shots.all.size(), comparison, request.fit);
+  summarise(o, session, job, input, scene, file, page, shots.all.size(), comparison, request.fit);
 }
 
 void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
@@ -326,7 +337,8 @@ void add_reconstruct(CLI::App& app, Run& run) {
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->type_name("VIEWS");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
-  sub->add_option("-o,--output", o->output, "The scene to write; with --list, the folder for the scenes")
+  sub->add_option("-o,--output", o->output,
+                  "The scene to write, or its page (.html); with --list, the folder for the scenes")
       ->type_name("SCENE|DIR");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
@@ -342,6 +354,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")
       ->group(placement_group);
+  add_viewer_option(*sub, o->viewer, "");
   add_picture_options(*sub, o->pictures, "--render");
   add_fit_after(*sub, *o);
   add_extras(*sub, *o);
@@ -350,7 +363,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   sub->footer(
       "Examples:\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"
-      "  vsplat reconstruct photos/ --output sharp.ply --refine --refine-sheet sheet.png\n"
+      "  vsplat reconstruct photos/ --output sharp.ply --refine --viewer sharp.html\n"
       "  vsplat reconstruct photos/transforms.json --model model.safetensors --output scene.ply \\\n"
       "         --views 20,25,29,32 --center -0.1,-0.1,-2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
       "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"

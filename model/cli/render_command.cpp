@@ -3,6 +3,7 @@
 
 #include "naming.h"
 #include "picture_files.h"
+#include "scene_page.h"
 
 namespace command {
 namespace {
@@ -10,7 +11,7 @@ namespace {
 struct RenderOptions {
   Common common;
   PictureOptions pictures;
-  std::string scene;
+  std::string scene, viewer;
   bool dry_run = false;
 };
 
@@ -49,8 +50,8 @@ void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scen
                           plan}});
 }
 
-void print_results(const RenderOptions& o, const Session& session, const PictureJob& job, const vsplat::Scene& scene,
-                   std::size_t count, const std::optional<Comparison>& comparison) {
+void print_results(const RenderOptions& o, const Session& session, const PictureJob& job, const PageFile& page,
+                   const vsplat::Scene& scene, std::size_t count, const std::optional<Comparison>& comparison) {
   if (comparison) say(o.common, comparison->table());
   say(o.common, job.summary(count) + " of " + std::to_string(scene.info().count) + " Gaussians, " +
                     seconds_text(elapsed_seconds()));
@@ -59,8 +60,25 @@ void print_results(const RenderOptions& o, const Session& session, const Picture
   for (std::size_t i = 0; i < count && !job.images.empty(); ++i) files.push_back(job.file(i));
   nlohmann::ordered_json out = {
       {"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}, {"images", files}};
+  page.add_results(out);
   job.add_results(comparison, out);
   session.add_numerics(out);
+  out["seconds"] = elapsed_seconds();
+  print_json(out);
+}
+
+// The page alone, which needs no device.
+void write_page_alone(const RenderOptions& o) {
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.scene);
+  PageFile page(outputs, "", o.viewer, {});
+  const vsplat::Scene scene = load_scene(o);
+  page.save(o.common, {{"scene", scene}});
+  outputs.commit();
+  if (!o.common.json) return;
+  nlohmann::ordered_json out = {{"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}};
+  page.add_results(out);
   out["seconds"] = elapsed_seconds();
   print_json(out);
 }
@@ -68,18 +86,23 @@ void print_results(const RenderOptions& o, const Session& session, const Picture
 void render(const RenderOptions& o) {
   const PictureJob job(o.pictures);
   if (o.dry_run) refuse_profile_of_dry_run(o.common);
+  if (!job.wanted && !job.written && !o.viewer.empty() && !o.dry_run) return write_page_alone(o);
   if (!job.wanted) throw UsageError("render needs --cameras");
   if (job.orbit_options.has_up && !job.choice.orbit)
     throw UsageError("--up applies to cameras on a circle: it needs orbit:N");
-  if (!job.written && !o.dry_run)
+  if (!job.written && o.viewer.empty() && !o.dry_run)
     throw UsageError(
-        "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
+        "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare, --write-cameras or "
+        "--viewer");
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
   outputs.input_cameras(job.choice.file);
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
+  PageViews views{job.choice.path ? "" : job.choice.file, job.compare};
+  std::copy(std::begin(job.background), std::end(job.background), views.background);
+  PageFile page(outputs, "", o.viewer, views);
   Shots shots;
   if (!job.choice.orbit) shots = job.load_cameras();
   if (!o.dry_run) job.expect(outputs, job.choice.orbit ? static_cast<std::size_t>(job.choice.orbit) : shots.all.size());
@@ -99,9 +122,10 @@ void render(const RenderOptions& o) {
   session.about("command", "render");
   session.about("scene", o.scene);
   job.draw(session, scene, shots.all, comparison, outputs);
+  page.save(o.common, {{"scene", scene}});
   session.write_profile(outputs);
   outputs.commit();
-  print_results(o, session, job, scene, shots.all.size(), comparison);
+  print_results(o, session, job, page, scene, shots.all.size(), comparison);
 }
 
 }  // namespace
@@ -111,6 +135,7 @@ void add_render(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("render", "Draw a scene from its file");
   sub->add_option("scene", o->scene, "A scene, in any format that is read")->required()->type_name("SCENE");
   add_picture_options(*sub, o->pictures, "--cameras");
+  add_viewer_option(*sub, o->viewer, "Pictures");
   sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
       ->type_name("Z")
       ->group("Pictures");
@@ -132,6 +157,7 @@ void add_render(CLI::App& app, Run& run) {
       "Examples:\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/\n"
       "  vsplat render scene.ply --cameras orbit:72 --turntable turn.webp --sheet sheet.png\n"
+      "  vsplat render scene.ply --viewer scene.html\n"
       "  vsplat render scene.ply --cameras path:keys.json:120 --size 1280x720 --turntable flight.webp --fps 30\n"
       "  vsplat render scene.ply --cameras photos/transforms.json --compare photos/images --differences off/ --json\n"
       "  vsplat render scene.ply --cameras photos/transforms.json --images again/ --size 640x480 --background black\n"

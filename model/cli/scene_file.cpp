@@ -7,6 +7,8 @@
 #include <optional>
 #include <sstream>
 
+#include "scene_page.h"
+
 namespace command {
 namespace {
 
@@ -37,14 +39,15 @@ void need_scene_ending(const std::string& option, const std::string& path) {
   throw UsageError(option + " is \"" + path + "\": a name with the ending of a scene's format expected: " + all);
 }
 
-SceneFile::SceneFile(Outputs& outputs, const std::string& path) : outputs_(outputs), path_(path) {
-  if (!path.empty()) offset_path_ = std::filesystem::path(path).replace_extension(".offset.json").string();
+SceneFile::SceneFile(Outputs& outputs, const std::string& path) : outputs_(outputs), path_(is_page(path) ? "" : path) {
+  if (!path_.empty()) offset_path_ = std::filesystem::path(path_).replace_extension(".offset.json").string();
   outputs.expect(path_);
   outputs.expect(offset_path_);
 }
 
 void SceneFile::save(const Common& common, const vsplat::Scene& scene, const vsplat_scene_save_options& options,
                      const std::vector<unsigned char>* made) {
+  if (path_.empty()) return;
   const vsplat_scene_info info = scene.info();
   if (std::any_of(info.offset, info.offset + 3, [](double v) { return v != 0; }))
     offset_.assign(info.offset, info.offset + 3);

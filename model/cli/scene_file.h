@@ -15,7 +15,8 @@ void need_scene_ending(const std::string& option, const std::string& path);
 
 class SceneFile {
  public:
-  // Expects both files as outputs. `path` may be "": nothing is written.
+  // Expects both files as outputs. `path` may be "", or a page (scene_page.h), which holds the scene itself: nothing is
+  // written here.
   SceneFile(Outputs& outputs, const std::string& path);
 
   // Writes the scene; also SCENE.offset.json, with a message, if its positions are relative to an offset rather than in

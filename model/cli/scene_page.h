@@ -1,0 +1,50 @@
+// The page that shows a scene in a browser. Its file has all that it needs inside, and fetches nothing.
+#pragma once
+#include <string>
+#include <vector>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+#include "outputs.h"
+#include "page_cameras.h"
+
+namespace command {
+
+struct PageScene {
+  std::string name;  // beside the slider between two scenes
+  vsplat::Scene scene;
+};
+
+struct ScenePage {
+  std::string title;
+  std::vector<PageScene> scenes;  // one, or two with a slider between them; the last one is what the page saves
+  std::vector<PageCamera> cameras;
+  float background[3] = {1, 1, 1};
+};
+
+// Throws if a scene cannot be written as SPZ.
+std::string scene_page_text(const ScenePage& page);
+
+// Whether a path ends in .html, in lower or upper case.
+bool is_page(const std::string& path);
+
+// The page of a command that makes or reads a scene.
+class PageFile {
+ public:
+  // `viewer`: of --viewer; "": no page is written, unless `output`, the command's main output, is one.
+  PageFile(Outputs& outputs, const std::string& output, std::string viewer, PageViews views);
+
+  // Writes the page, or does nothing if none is wanted. A page that cannot be made is an error.
+  void save(const Common& common, const std::vector<PageScene>& scenes);
+  void add_results(nlohmann::ordered_json& out) const;  // "viewer"
+
+ private:
+  Outputs& outputs_;
+  std::string path_;
+  PageViews views_;
+};
+
+// Adds --viewer.
+void add_viewer_option(CLI::App& app, std::string& path, const std::string& group);
+
+}  // namespace command

@@ -1,0 +1,165 @@
+// vsplat view: writes the page that shows a scene, and opens it in the user's browser.
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <system_error>
+#include <thread>
+
+#include "arguments.h"
+#include "command.h"
+#include "runtime/system/system.h"
+#include "runtime/system/system_process.h"
+#include "scene_page.h"
+
+namespace command {
+namespace {
+
+namespace fs = std::filesystem;
+namespace sys = vsplat::sys;
+
+struct ViewOptions {
+  Common common;
+  std::string scene, before, output, cameras, pictures, background;
+  bool no_open = false, skip_bad = false;
+};
+
+std::string variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
+// A program's path: as given if it has a slash, else in PATH; "" if it is not found.
+std::string found(const std::string& program) {
+  const auto is_program = [](const fs::path& path) {
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    return fs::is_regular_file(status) && (status.permissions() & fs::perms::others_exec) != fs::perms::none;
+  };
+  if (program.find('/') != std::string::npos) return is_program(program) ? program : "";
+  std::istringstream folders(variable("PATH"));
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (!folder.empty() && is_program(fs::path(folder) / program)) return (fs::path(folder) / program).string();
+  return "";
+}
+
+// $BROWSER lists commands, separated by colons, and takes precedence; without it the desktop's own opener, if there is a
+// desktop.
+std::string browser() {
+  std::istringstream named(variable("BROWSER"));
+  for (std::string program; std::getline(named, program, ':');)
+    if (std::string path = found(program); !program.empty() && !path.empty()) return path;
+#ifdef __APPLE__
+  return found("open");
+#else
+  if (variable("DISPLAY").empty() && variable("WAYLAND_DISPLAY").empty()) return "";
+  return found("xdg-open");
+#endif
+}
+
+// Whether the browser runs, or ended well within two seconds. Its third descriptor is the page itself.
+bool opens(const std::string& program, const fs::path& page) {
+  std::error_code error;
+  const sys::Handle file = sys::open_to_read(page, error);
+  if (error) return false;
+  const int process = sys::start_program(program, {page.string()}, file, "", error);
+  if (process < 0) return false;
+  for (int i = 0; i < 20; ++i) {
+    const sys::ProgramEnd end = sys::end_of(process, sys::Wait::no);
+    if (end.state != sys::ProgramEnd::State::runs) return end.exit_code == 0;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  return true;
+}
+
+// A new folder for temporary files that only the user can read. The browser reads the page when this program has ended,
+// so the folder stays.
+fs::path temporary_folder() {
+  const fs::path all = fs::temp_directory_path();
+  for (int i = 0; i < 1000; ++i) {
+    const fs::path folder = all / ("vsplat-view-" + std::to_string(sys::process_id()) + "-" + std::to_string(i));
+    const std::error_code error = sys::make_folder(folder, sys::Whose::owner);
+    if (!error) return folder;
+    if (error != std::errc::file_exists) throw std::runtime_error(folder.string() + ": " + error.message());
+  }
+  throw std::runtime_error(all.string() + ": holds too many folders of earlier views");
+}
+
+vsplat::Scene load(const ViewOptions& o, const std::string& path) {
+  vsplat_scene_load_options how = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
+  how.skip_bad = o.skip_bad;
+  return vsplat::Scene::load(path, how);
+}
+
+void view(const ViewOptions& o) {
+  if (o.no_open && o.output.empty()) throw UsageError("--no-open needs --output, the page to write");
+  if (!o.pictures.empty() && o.cameras.empty()) throw UsageError("--pictures needs --cameras, the list of cameras");
+  need_ending("--output", o.output, ".html");
+  PageViews views{o.cameras, o.pictures};
+  if (!o.background.empty()) {
+    const std::array<float, 3> behind = colour("--background", o.background);
+    std::copy(behind.begin(), behind.end(), views.background);
+  }
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  for (const std::string& path : {o.scene, o.before}) outputs.input(path);
+  outputs.input_cameras(o.cameras);
+  std::vector<PageScene> scenes;
+  if (!o.before.empty()) scenes.push_back({fs::path(o.before).filename().string(), load(o, o.before)});
+  scenes.push_back({fs::path(o.scene).filename().string(), load(o, o.scene)});
+  const fs::path page = o.output.empty() ? temporary_folder() / fs::path(o.scene).filename().replace_extension(".html")
+                                         : fs::path(o.output);
+  PageFile file(outputs, page.string(), "", views);
+  file.save(o.common, scenes);
+  outputs.commit();
+  bool opened = false;
+  if (!o.no_open) {
+    const std::string program = browser();
+    opened = !program.empty() && opens(program, fs::absolute(page));
+    if (!opened)
+      warn(page.string() + " is not opened: " +
+           (program.empty() ? "there is no browser here: neither BROWSER nor a desktop with xdg-open"
+                            : program + " did not open it") +
+           "; open the file in a browser");
+  }
+  if (!o.common.json) return;
+  nlohmann::ordered_json out = {{"gaussians", scenes.back().scene.info().count}, {"opened", opened}};
+  file.add_results(out);
+  print_json(out);
+}
+
+}  // namespace
+
+void add_view(CLI::App& app, Run& run) {
+  auto o = std::make_shared<ViewOptions>();
+  CLI::App* sub = app.add_subcommand("view", "Show a scene in the browser");
+  sub->add_option("scene", o->scene, "A scene, in any format that is read")->required()->type_name("SCENE");
+  sub->add_option("-o,--output", o->output, "Where the page is written (default: a folder for temporary files)")
+      ->type_name("FILE.html");
+  sub->add_option("--before", o->before, "A second scene, on the left of a slider")->type_name("SCENE");
+  sub->add_option(
+         "--cameras", o->cameras,
+         "Also show these cameras (transforms.json, cameras.json, COLMAP model or a folder with one) with their "
+         "photographs: a click stands at one")
+      ->type_name("CAMERAS");
+  sub->add_option("--pictures", o->pictures, "The folder of the photographs (default: that of the cameras)")
+      ->type_name("DIR");
+  sub->add_option("--background", o->background,
+                  "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1 (default white)")
+      ->type_name("COLOUR");
+  sub->add_flag("--skip-bad", o->skip_bad, "Leave out, and count, single Gaussians that cannot be drawn");
+  sub->add_flag("--no-open", o->no_open, "Only write the page");
+  add_common(*sub, o->common, {.device = false, .profile = false});
+  sub->footer(
+      "Examples:\n"
+      "  vsplat view scene.ply\n"
+      "  vsplat view scene.ply --cameras photos/ --output scene.html --no-open\n"
+      "  vsplat view sharp.ply --before scene.ply\n"
+      "The page is one file with the scene inside. It needs no network, and a browser with WebGL 2. Drag to turn, use "
+      "the\n"
+      "wheel to zoom, and press ? for the keys. $BROWSER names the browser; without it the desktop's default opens.");
+  sub->callback([o, &run] { run = [o] { view(*o); }; });
+}
+
+}  // namespace command

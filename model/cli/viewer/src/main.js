@@ -1,0 +1,271 @@
+// The page of a scene. The command writes what it shows as JSON into #about and its scenes as base64 into #scene-0, #scene-1.
+import {Frusta} from './frusta.js';
+import {Orbit} from './orbit.js';
+import {fitted, lookAt, matrixOf, meetingPoint, poseOf} from './pose.js';
+import {readSpz} from './spz.js';
+import {Stage} from './stage.js';
+import {add, dot, length, perpendicular, sub, turned} from './vectors.js';
+
+const element = (id) => document.getElementById(id);
+const FIELD = 0.8;  // radians, of the window's shorter side
+const BACKGROUNDS = [[1, 1, 1], [0.5, 0.5, 0.5], [0, 0, 0]];
+
+function bytesOf(id) {
+  const text = atob(element(id).textContent.trim());
+  const out = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; ++i) out[i] = text.charCodeAt(i);
+  return out;
+}
+
+// The median of what is opaque, and how far from it nine tenths are.
+function extent({count, properties: p}) {
+  const step = Math.max(1, Math.floor(count / 20000));
+  let points = [];
+  for (let i = 0; i < count; i += step) if (p.opacity[i] > -2) points.push([p.x[i], -p.y[i], -p.z[i]]);
+  if (!points.length) points = [[0, 0, 0]];
+  const middle = (values) => values.sort((a, b) => a - b)[values.length >> 1];
+  const centre = [0, 1, 2].map((c) => middle(points.map((v) => v[c])));
+  const away = points.map((v) => length(sub(v, centre))).sort((a, b) => a - b);
+  return {centre, radius: away[Math.floor(0.9 * (away.length - 1))] || 1, most: away[away.length - 1] || 1};
+}
+
+class Page {
+  constructor(about, scenes, stage) {
+    this.about = about;
+    this.stage = stage;
+    this.extent = extent(scenes[scenes.length - 1]);
+    this.chosen = -1;   // the input camera at which one stands
+    this.standing = null;  // {pose, lens}: not orbiting
+    const up = about.up || [0, -1, 0];
+    const poses = about.cameras.map((camera) => poseOf(camera.w2c));
+    this.centre = meetingPoint(poses) || this.extent.centre;
+    this.orbit = new Orbit(element('overlay'), up, () => this.moved(), (x, y) => this.pick(x, y));
+    const apart = poses.length ? Math.min(...poses.map((pose) => length(sub(pose.eye, this.centre)))) : this.extent.radius;
+    this.frusta = new Frusta(element('overlay'), about.cameras, 0.12 * Math.max(apart, 0.05 * this.extent.radius));
+    this.showFrusta = about.cameras.length > 0;
+    this.split = 0.5;
+    this.background = about.background || BACKGROUNDS[0];
+    this.start();
+    this.connect(scenes);
+    this.resize();
+  }
+
+  start() {
+    const distance = 1.15 * this.extent.radius / Math.sin(FIELD / 2);
+    const [first] = this.about.cameras;
+    if (first) {
+      // Beside the first camera and farther away, so that it is seen.
+      const from = turned(sub(poseOf(first.w2c).eye, this.centre), this.orbit.up, 0.3);
+      this.orbit.set(this.centre, add(add(this.centre, from, 1.4), this.orbit.up, 0.15 * length(from)));
+    } else {
+      const flat = perpendicular(this.orbit.up);
+      const from = add(turned(flat, this.orbit.up, 0.6).map((v) => v * 0.95), this.orbit.up, 0.3);
+      this.orbit.set(this.extent.centre, add(this.extent.centre, from, distance));
+    }
+  }
+
+  lens() {
+    const W = this.stage.width, H = this.stage.height, f = Math.min(W, H) / 2 / Math.tan(FIELD / 2);
+    return {fx: f, fy: f, cx: W / 2, cy: H / 2};
+  }
+
+  view() {
+    const W = this.stage.width, H = this.stage.height;
+    if (this.standing) return {pose: this.standing.pose, lens: fitted(this.standing.lens, W, H), near: this.about.near};
+    return {pose: this.orbit.pose(), lens: this.lens(), near: Math.min(this.about.near, 0.05 * this.orbit.distance)};
+  }
+
+  show() {
+    const {pose, lens, near} = this.view();
+    const far = Math.max(2 * near, 4 * (length(sub(pose.eye, this.extent.centre)) + this.extent.most));
+    this.stage.look(pose, lens, near, far);
+    const photograph = element('photograph');
+    photograph.hidden = !(this.chosen >= 0 && this.about.cameras[this.chosen].picture);
+    this.frusta.draw(pose, lens, this.chosen, this.frustaAreShown());
+    if (photograph.hidden) return;
+    for (const side of ['left', 'top', 'width', 'height']) photograph.style[side] = `${lens[side]}px`;
+  }
+
+  // A photograph covers them.
+  frustaAreShown() {
+    return this.showFrusta && element('photograph').hidden;
+  }
+
+  resize() {
+    this.stage.resize(window.innerWidth, window.innerHeight);
+    this.stage.background(this.background);
+    this.setSplit(this.split);
+    this.show();
+  }
+
+  // After a move by hand: one no longer stands at a camera.
+  moved() {
+    this.leave();
+    this.show();
+  }
+
+  leave() {
+    this.standing = null;
+    this.chosen = -1;
+    this.say();
+  }
+
+  // The orbit continues from where one stood.
+  orbitFrom(pose) {
+    const ahead = Math.max(dot(sub(this.centre, pose.eye), pose.forward), 0.2 * this.extent.radius);
+    this.orbit.set(add(pose.eye, pose.forward, ahead), pose.eye);
+  }
+
+  stand(i) {
+    const camera = this.about.cameras[i];
+    this.chosen = i;
+    this.standing = {pose: poseOf(camera.w2c), lens: camera};
+    this.orbitFrom(this.standing.pose);
+    const photograph = element('photograph');
+    if (camera.picture) photograph.src = camera.picture;
+    else photograph.removeAttribute('src');
+    this.say();
+    this.show();
+  }
+
+  pick(x, y) {
+    if (!this.frustaAreShown()) return;
+    const {pose, lens} = this.view();
+    const i = this.frusta.at(x, y, pose, lens);
+    if (i >= 0 && i !== this.chosen) this.stand(i);
+  }
+
+  step(by) {
+    const n = this.about.cameras.length;
+    if (n) this.stand(((this.chosen < 0 && by < 0 ? 0 : this.chosen) + by + n) % n);
+  }
+
+  say() {
+    const at = this.chosen >= 0 ? this.about.cameras[this.chosen] : null;
+    element('where').textContent = at ? `${this.chosen + 1} of ${this.about.cameras.length}: ${at.name}` : `${this.about.cameras.length} cameras`;
+    element('blend').hidden = !(at && at.picture);
+  }
+
+  setSplit(at) {
+    this.split = at;
+    this.stage.split(at);
+    element('line').style.left = `${100 * at}%`;
+    element('divide').value = at;
+  }
+
+  nextBackground() {
+    const same = (rgb) => rgb.every((v, i) => Math.abs(v - this.background[i]) < 0.01);
+    this.background = BACKGROUNDS[(BACKGROUNDS.findIndex(same) + 1) % BACKGROUNDS.length];
+    this.stage.background(this.background);
+  }
+
+  save() {
+    const {id, file} = this.about.scenes[this.about.scenes.length - 1];
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(new Blob([bytesOf(id)], {type: 'application/octet-stream'}));
+    link.download = file;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+  }
+
+  reset() {
+    this.leave();
+    this.start();
+    this.show();
+  }
+
+  toggleFrusta() {
+    this.showFrusta = !this.showFrusta;
+    this.show();
+  }
+
+  connect(scenes) {
+    const {about} = this;
+    element('title').textContent = about.title;
+    element('count').textContent = `${scenes[scenes.length - 1].count.toLocaleString('en')} Gaussians`;
+    element('cameras').hidden = !about.cameras.length;
+    element('compare').hidden = element('line').hidden = about.scenes.length < 2;
+    if (about.scenes.length > 1) {
+      element('left').textContent = about.scenes[0].name;
+      element('right').textContent = about.scenes[1].name;
+    }
+    this.say();
+    const on = (id, type, act) => element(id).addEventListener(type, act);
+    on('previous', 'click', () => this.step(-1));
+    on('next', 'click', () => this.step(1));
+    on('frusta', 'click', () => this.toggleFrusta());
+    on('opacity', 'input', (event) => (element('photograph').style.opacity = event.target.value));
+    on('divide', 'input', (event) => this.setSplit(Number(event.target.value)));
+    on('reset', 'click', () => this.reset());
+    on('shade', 'click', () => this.nextBackground());
+    on('save', 'click', () => this.save());
+    on('help', 'click', () => (element('keys').hidden = !element('keys').hidden));
+    window.addEventListener('resize', () => this.resize());
+    window.addEventListener('keydown', (event) => this.key(event));
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target.tagName === 'INPUT') return;
+    const others = {
+      '[': () => this.step(-1), ']': () => this.step(1), r: () => this.reset(), c: () => this.toggleFrusta(), b: () => this.nextBackground(),
+      '?': () => (element('keys').hidden = !element('keys').hidden)
+    };
+    const act = others[event.key];
+    if (act) act();
+    if (act || this.orbit.key(event.key)) event.preventDefault();
+  }
+}
+
+// What tests and other scripts may use.
+function controls(page) {
+  const {stage} = page;
+  return {
+    cameras: page.about.cameras.length,
+    // {w2c: [16] row-major, world to camera, x right, y down, z forward; fx, fy, cx, cy, w, h in pixels}. The picture is fitted into the window.
+    async setCamera(camera) {
+      page.chosen = -1;
+      page.standing = {pose: poseOf(camera.w2c), lens: camera};
+      page.orbitFrom(page.standing.pose);
+      page.show();
+      await stage.settled();
+    },
+    async click(i) {
+      page.stand(i);
+      await stage.settled();
+    },
+    // Where camera i is in the window, or null.
+    place(i) {
+      const {pose, lens} = page.view();
+      return page.frusta.place(i, pose, lens);
+    },
+    chosen: () => page.chosen,
+    pose: () => matrixOf(page.view().pose),
+    async split(at) {
+      page.setSplit(at);
+      await stage.settled();
+    },
+    // Hides all but the scene.
+    bare(on = true) {
+      document.body.classList.toggle('bare', on);
+    },
+    settled: () => stage.settled()
+  };
+}
+
+async function open() {
+  const about = JSON.parse(element('about').textContent);
+  const scenes = [];
+  for (const {id, shift} of about.scenes) scenes.push({...await readSpz(bytesOf(id)), shift});
+  const stage = await Stage.open(element('scene'), scenes);
+  const page = new Page(about, scenes, stage);
+  await stage.settled();
+  element('wait').hidden = true;
+  return controls(page);
+}
+
+const ready = open();
+window.vsplat = {ready};
+ready.then((all) => Object.assign(window.vsplat, all), (error) => {
+  element('wait').textContent = `This scene cannot be shown: ${error.message || error}`;
+  console.error(error);
+});
