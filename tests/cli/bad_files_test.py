@@ -111,6 +111,7 @@ WRITTEN = [
     ("render --differences", "/", (*RENDER, "--cameras", "{object}", "--compare", "{object}/images", "--differences", "{bad}")),
     ("convert --output", ".ply", ("convert", "{surfels}", "--surfels-to-gaussians", "0.1", "--output", "{bad}")),
     ("init --output", ".safetensors", ("init", "micro", "--seed", "1", "--output", "{bad}")),
+    ("convert --viewer", ".html", ("convert", "{scene}", "{out}/s.ply", "--viewer", "{bad}")),
     ("info --picture", ".png", ("info", "{scene}", "--picture", "{bad}", *SMALL)),
     ("weights convert --output", ".safetensors", ("weights", "convert", "{model}", "--dtype", "f16", "--output", "{bad}")),
     ("weights import --output", ".safetensors", ("weights", "import", "{model}", "--output", "{bad}")),

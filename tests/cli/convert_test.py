@@ -215,6 +215,13 @@ class Convert(support.Case):
         told, _ = self.convert("--verify=20", output="out.compressed.ply")  # in another order
         self.assertLess(told["verification"]["difference"]["positions"]["largest"], 0.01)
 
+    def test_a_page(self):
+        told, _ = self.convert("--verify=35", output="page.html")
+        self.assertEqual((told["format"], told["viewer"], os.listdir(self.folder).count("page.ply")), ("html", self.path("page.html"), 0))
+        self.assertIn("<html", pathlib.Path(self.path("page.html")).read_text())
+        self.convert("--viewer", self.path("beside.html"))
+        self.assertTrue(os.path.getsize(self.path("beside.html")) > 10000 and os.path.exists(self.path("out.ply")))
+
     def test_a_file_that_fails_is_not_written(self):
         before = self.rows
         write_whole(self.path("kept.spz.ply"), 10)
