@@ -1,5 +1,4 @@
 // vsplat convert: scenes from one format, frame or kind to another.
-#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -22,7 +21,7 @@ struct ConvertOptions {
   std::vector<std::string> paths;  // the inputs, and the output if `output` is empty
   std::string output, spz_version, viewer;
   std::optional<double> thickness;  // surfels get this third scale
-  double verify = 0;                // the least PSNR; 0: not verified
+  std::string verify;               // "", "true" without a value, or the least PSNR
   bool skip_bad = false;
 };
 
@@ -35,6 +34,15 @@ void name_output(ConvertOptions& o) {
     o.paths.pop_back();
   }
   if (!is_page(o.output)) need_scene_ending("OUT", o.output);
+}
+
+// The limit of --verify; nothing if it was not given.
+std::optional<double> least_psnr(const std::string& verify) {
+  constexpr double usual = 30;
+  if (verify.empty()) return std::nullopt;
+  const double out = verify == "true" ? usual : number("--verify", verify);
+  if (out < 0) throw UsageError("--verify is \"" + verify + "\": a PSNR in dB of 0 or more expected");
+  return out;
 }
 
 // All inputs in one scene.
@@ -69,12 +77,13 @@ void keep_visible(Session& session, vsplat::Scene& scene, uint64_t most) {
 
 // The bytes of the file, read back and compared with the scene; std::runtime_error if they are too far off.
 std::vector<unsigned char> verified_bytes(const ConvertOptions& o, Session& session, const vsplat::Scene& scene,
-                                          const vsplat_scene_save_options& saving, std::optional<SceneCheck>& check) {
+                                          const vsplat_scene_save_options& saving, double least,
+                                          std::optional<SceneCheck>& check) {
   std::vector<unsigned char> out = scene.save_memory(saving);
   check.emplace(session, scene, vsplat::Scene::load(out));
-  if (!(check->psnr() >= o.verify)) {
+  if (!(check->psnr() >= least)) {
     char limit[32];
-    std::snprintf(limit, sizeof limit, "%.4g dB", o.verify);
+    std::snprintf(limit, sizeof limit, "%.4g dB", least);
     throw std::runtime_error(o.output + " is not written, since it differs too much: at least " + limit +
                              " expected, found " + check->text());
   }
@@ -85,7 +94,7 @@ std::vector<unsigned char> verified_bytes(const ConvertOptions& o, Session& sess
 void convert(ConvertOptions o) {
   name_output(o);
   SceneChanges changes(o.changes);
-  if (!(o.verify >= 0) || std::isinf(o.verify)) throw UsageError("--verify: a PSNR in dB of 0 or more is expected");
+  const std::optional<double> least = least_psnr(o.verify);
   vsplat_scene_save_options saving = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
   if (!o.spz_version.empty()) saving.spz_version = static_cast<int32_t>(number("--spz-version", o.spz_version));
 
@@ -99,7 +108,7 @@ void convert(ConvertOptions o) {
   const uint64_t before = scene.info().count;
   std::optional<Session> session;
   const bool reduces = changes.max_gaussians() > 0 && before > changes.max_gaussians();
-  if (reduces || o.verify > 0) session.emplace(o.common);
+  if (reduces || least) session.emplace(o.common);
   if (reduces) keep_visible(*session, scene, changes.max_gaussians());
   const vsplat_scene_info info = scene.info();
   if (info.count < before)
@@ -109,8 +118,8 @@ void convert(ConvertOptions o) {
   saving.format = format.c_str();
   std::optional<SceneCheck> check;
   std::vector<unsigned char> bytes;
-  if (o.verify > 0) bytes = verified_bytes(o, *session, scene, saving, check);
-  file.save(o.common, scene, saving, o.verify > 0 ? &bytes : nullptr);
+  if (least) bytes = verified_bytes(o, *session, scene, saving, *least, check);
+  file.save(o.common, scene, saving, least ? &bytes : nullptr);
   page.save(o.common, {{"scene", scene}});
   outputs.commit();
   say(o.common, o.output + ": " + std::to_string(info.count) + (info.surfels ? " surfels" : " Gaussians"));
@@ -124,7 +133,7 @@ void convert(ConvertOptions o) {
   out["removed"]["least_visible"] = before - info.count;
   file.add_results(out);
   page.add_results(out);
-  if (check) check->add_results(o.verify, out);
+  if (check) check->add_results(*least, out);
   print_json(out);
 }
 
@@ -143,7 +152,7 @@ void add_scene_convert(CLI::App& app, Run& run) {
       ->check(one_of({"2", "3", "4"}))
       ->type_name("2|3|4");
   sub->add_flag(
-      "--verify{30}", o->verify,
+      "--verify", o->verify,
       "Read the file back, draw it beside the original from eight cameras, and write it only if the PSNR is at "
       "least 30 dB, or --verify=DB");
   sub->add_option("--surfels-to-gaussians", o->thickness,
