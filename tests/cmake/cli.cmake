@@ -2,7 +2,7 @@
 find_package(Python3 COMPONENTS Interpreter REQUIRED)
 # Python exits with 0 even if it skips a test; the last line of its output shows that.
 set(python_skipped "OK \\(skipped=")
-foreach(part accidents bad_files bench cameras check convert dataset doctor driver_state evaluate far fit fit_page fit_scene flags full_disk genden help import kernels lara pictures precision profile reader refusal report run scenes selftest share strangers tables train train_learns train_report tune usage views)
+foreach(part accidents bad_files bench cameras check convert dataset doctor driver_state evaluate far fit fit_page fit_scene flags full_disk genden help import kernels lara pictures precision profile reader refusal report run scene_formats scenes selftest share strangers tables train train_learns train_report tune usage views)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py)
   set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
@@ -70,6 +70,9 @@ if(NOT VSPLAT_SANITIZE)
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
   add_test(NAME python_dlpack COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/dlpack_test.py)
   set_tests_properties(python_dlpack PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
+  add_test(NAME python_scene_formats COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/scene_formats_test.py)
+  set_tests_properties(python_scene_formats PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
   # Calls every function of the public headers with mistakes that a caller may make.
   add_test(NAME functions COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)

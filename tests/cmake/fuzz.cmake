@@ -3,7 +3,7 @@
 vsplat_tests(fuzz_replay_test
   fuzz/kernel_cache.cpp
   fuzz/picture.cpp
-  fuzz/ply.cpp
+  fuzz/scenes.cpp
   fuzz/reader.cpp
   fuzz/replay_test.cpp
   fuzz/targets.cpp

@@ -9,7 +9,10 @@
 
 namespace vsplat::fuzz {
 
+// Scenes; a PLY may be a compressed one.
 void ply(std::string_view bytes);
+void splat(std::string_view bytes);
+void spz(std::string_view bytes);
 // One target per format, selected by content: mutations in a single target would concentrate on the easiest formats.
 void picture_bmp(std::string_view bytes);
 void picture_exr(std::string_view bytes);

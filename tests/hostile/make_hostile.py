@@ -16,6 +16,7 @@ import hdf5_files
 import meshes
 import models
 import pictures
+import scenes
 import texts
 import views
 
@@ -72,7 +73,7 @@ class Maker:
 def make(seed, out, sound):
     """sound: a folder with set/object (posed pictures), micro.safetensors, scene.ply and config.json. Returns what was made."""
     maker = Maker(seed, out, sound)
-    for module in (texts, models, checkpoints, views, meshes, pictures, hdf5_files):
+    for module in (texts, scenes, models, checkpoints, views, meshes, pictures, hdf5_files):
         module.make(maker)
     with open(os.path.join(out, "hostile.json"), "w") as f:
         json.dump(maker.made, f, indent=1)

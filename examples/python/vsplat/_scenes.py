@@ -400,6 +400,6 @@ def _gaussians_of(means: Any, scales: Any, rotations: Any, opacities: Any, sh: A
 
 def _degree_of(sh: np.ndarray) -> int:
     degree = int(np.sqrt(sh.shape[1])) - 1
-    if sh.shape[1] not in (1, 4, 9, 16):
-        raise UsageError(f"sh has {sh.shape[1]} functions: 1, 4, 9 or 16 expected")
+    if sh.shape[1] not in (1, 4, 9, 16, 25):
+        raise UsageError(f"sh has {sh.shape[1]} functions: 1, 4, 9, 16 or 25 expected")
     return degree

@@ -13,8 +13,8 @@ namespace vsplat {
 class PlyRows {
  public:
   // Checks that the file can hold everything that the header promises up to the element's end, before memory is
-  // allocated for it: Error(format) otherwise. With `tells_rest`, warns about bytes beyond what the header describes. `file`, `header` and
-  // `element` (one of the header's) must outlive the rows; `wanted` are properties of the element.
+  // allocated for it: Error(format) otherwise. With `tells_rest`, warns about bytes beyond what the header describes.
+  // `file`, `header` and `element` (one of the header's) must outlive the rows; `wanted` are properties of the element.
   static std::unique_ptr<PlyRows> open(PlyFile& file, const PlyHeader& header, const PlyElement& element,
                                        std::vector<const PlyProperty*> wanted, bool tells_rest = true);
   virtual ~PlyRows() = default;

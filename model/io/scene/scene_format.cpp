@@ -56,7 +56,7 @@ const std::array kSceneTable = {
         .sh_read = 4,
         .sh_written = 3,
         .kept = {.near = true, .up = true, .mirror = true, .detail = true, .offset = true, .antialias = true},
-        .lost = "8 to 11 bits a value, in blocks of 256 Gaussians; SH within -4 to 4; the order; surfels",
+        .lost = "more than 8 to 11 bits a value; coefficients beyond 4; the order; surfels",
         .opened_by = "SuperSplat, PlayCanvas, Spark, splat-transform",
         .read = [](const std::string& name, std::span<const std::byte> content,
                    SkippedGaussians* skipped) { return read_ply(name, content, skipped); },
@@ -70,9 +70,8 @@ const std::array kSceneTable = {
                 .sh_read = 4,
                 .sh_written = 4,
                 .kept = {.antialias = true},
-                .lost =
-                    "24 bits a position, 8 bits any other value; SH within -1 to 1; surfels; near plane, up, mirror, "
-                    "detail",
+                .lost = "more than 24 bits a position and 8 bits any other value; coefficients beyond 1; surfels; near "
+                        "plane, up, mirror point, detail, offset",
                 .opened_by = "Spark, PlayCanvas, Scaniverse, Niantic Studio, splat-transform",
                 .recognises = is_spz,
                 .read = read_spz,
@@ -87,9 +86,8 @@ const std::array kSceneTable = {
                 .sh_read = 0,
                 .sh_written = 0,
                 .kept = {},
-                .lost =
-                    "spherical harmonics above degree 0; 8 bits a colour, opacity and rotation; the order; surfels; "
-                    "near plane, up, mirror, detail, anti-aliasing",
+                .lost = "spherical harmonics above degree 0; more than 8 bits a colour, opacity and rotation; the "
+                        "order; surfels; near plane, up, mirror point, detail, offset, anti-aliasing",
                 .opened_by = "antimatter15/splat, Spark, PlayCanvas, SuperSplat",
                 .recognises = is_splat,
                 .read = read_splat,

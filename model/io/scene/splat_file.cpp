@@ -7,23 +7,17 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <numeric>
 
-#include "model/io/scene/written_gaussians.h"
 #include "runtime/fail.h"
-#include "runtime/files/output_file.h"
 
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kSplatBytes = 32;
-constexpr std::size_t kSplatColour = 24, kSplatRotation = 28;  // bytes from the beginning of a row
-
 struct SplatRow {
   explicit SplatRow(const std::byte* at) {
-    std::memcpy(values.data(), at, kSplatColour);
-    std::memcpy(colour.data(), at + kSplatColour, colour.size());
-    std::memcpy(rotation.data(), at + kSplatRotation, rotation.size());
+    std::memcpy(values.data(), at, splat::kColour);
+    std::memcpy(colour.data(), at + splat::kColour, colour.size());
+    std::memcpy(rotation.data(), at + splat::kRotation, rotation.size());
   }
 
   std::array<float, 6> values{};  // position, scales
@@ -50,8 +44,8 @@ struct SplatRow {
 }  // namespace
 
 bool is_splat(std::span<const std::byte> beginning) {
-  if (beginning.size() < kSplatBytes) return false;
-  for (std::size_t at = 0; at + kSplatBytes <= beginning.size(); at += kSplatBytes) {
+  if (beginning.size() < splat::kRow) return false;
+  for (std::size_t at = 0; at + splat::kRow <= beginning.size(); at += splat::kRow) {
     const SplatRow row(&beginning[at]);
     // Rounding changes the length by at most 0.02.
     if (row.bad_value() != row.values.size() || std::abs(row.length() - 1) > 0.05) return false;
@@ -63,11 +57,11 @@ bool is_splat(std::span<const std::byte> beginning) {
 
 Scene read_splat(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
   if (content.empty()) fail(Status::format, "{}: an empty file, where a .splat file of Gaussians is expected", name);
-  if (content.size() % kSplatBytes != 0)
+  if (content.size() % splat::kRow != 0)
     fail(Status::format,
          "{}: {} bytes: a .splat file has {} for each Gaussian: it is cut off after {} of them, or no such file", name,
-         content.size(), kSplatBytes, content.size() / kSplatBytes);
-  const std::size_t count = content.size() / kSplatBytes;
+         content.size(), splat::kRow, content.size() / splat::kRow);
+  const std::size_t count = content.size() / splat::kRow;
   Scene scene;
   Gaussians& g = scene.gaussians;
   g.means.reserve(3 * count);
@@ -77,11 +71,11 @@ Scene read_splat(const std::string& name, std::span<const std::byte> content, Sk
   g.sh.reserve(3 * count);
   GaussianSkips skips(name, skipped);
   for (std::size_t k = 0; k < count; ++k) {
-    const SplatRow row(&content[k * kSplatBytes]);
+    const SplatRow row(&content[k * splat::kRow]);
     if (const std::size_t bad = row.bad_value(); bad != row.values.size()) {
       skips.add(GaussianDefect::not_finite, [&] {
         return fmt::format("Gaussian {}, {} {} (byte {}): {}, a finite number{} is expected", k,
-                           bad < 3 ? "position" : "scale", bad % 3, k * kSplatBytes + 4 * bad, row.values[bad],
+                           bad < 3 ? "position" : "scale", bad % 3, k * splat::kRow + 4 * bad, row.values[bad],
                            bad < 3 ? "" : " from 0 up");
       });
       continue;
@@ -90,7 +84,7 @@ Scene read_splat(const std::string& name, std::span<const std::byte> content, Sk
     if (!(length > 0)) {
       skips.add(GaussianDefect::zero_rotation, [&] {
         return fmt::format("Gaussian {}, rotation (byte {}): the quaternion is zero, any other length is expected", k,
-                           k * kSplatBytes + kSplatRotation);
+                           k * splat::kRow + splat::kRotation);
       });
       continue;
     }
@@ -103,54 +97,6 @@ Scene read_splat(const std::string& name, std::span<const std::byte> content, Sk
   }
   skips.report(count);
   return scene;
-}
-
-void write_splat(const std::string& path, const Scene& scene) {
-  Gaussians made;
-  const Gaussians& g = volumes_to_write(path, scene.gaussians, made);
-  std::vector<float> weight(g.count);
-  for (std::size_t k = 0; k < g.count; ++k) {
-    const float* s = &g.scales[3 * k];
-    weight[k] = static_cast<float>(static_cast<double>(s[0]) * s[1] * s[2] * g.opacities[k]);
-  }
-  std::vector<std::size_t> order(g.count);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return weight[a] > weight[b]; });
-  OutputFile file(path);
-  constexpr std::size_t kRowsAtOnce = 4096;  // written at a time
-  std::vector<std::uint8_t> rows;
-  for (std::size_t i = 0; i < g.count; ++i) {
-    const std::size_t k = order[i], at = rows.size();
-    rows.resize(at + kSplatBytes);
-    std::uint8_t* row = &rows[at];
-    std::memcpy(row, &g.means[3 * k], 12);
-    std::memcpy(row + 12, &g.scales[3 * k], 12);
-    const float* sh = &g.sh[3 * k * g.sh_count()];
-    for (std::size_t c = 0; c < 3; ++c)
-      row[kSplatColour + c] = to_byte((0.5 + kShC0 * static_cast<double>(sh[c])) * 255);
-    row[kSplatColour + 3] = to_byte(g.opacities[k] * 255.0);
-    const UnitQuaternion q(&g.quats[4 * k]);
-    for (std::size_t c = 0; c < 4; ++c) row[kSplatRotation + c] = to_byte(q.at[c] * 128 + 128);
-    if (rows.size() < kRowsAtOnce * kSplatBytes && i + 1 < g.count) continue;
-    file.write(rows.data(), rows.size());
-    rows.clear();
-  }
-  file.commit();
-}
-
-std::vector<std::string> splat_rounding(const Scene& scene) {
-  const Gaussians& g = scene.gaussians;
-  std::size_t beyond = 0;
-  for (std::size_t k = 0; k < g.count; ++k)
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double colour = 0.5 + kShC0 * static_cast<double>(g.sh[3 * k * g.sh_count() + c]);
-      beyond += colour < 0 || colour > 1;
-    }
-  std::vector<std::string> out = {"colours and opacities are rounded to 1/255",
-                                  "rotations are rounded to 1/128 in each part of the quaternion",
-                                  "Gaussians are sorted by size and opacity"};
-  if (beyond) out.push_back(fmt::format("{} colour values outside 0 to 1 are clamped to it", beyond));
-  return out;
 }
 
 }  // namespace vsplat

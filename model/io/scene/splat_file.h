@@ -24,4 +24,11 @@ void write_splat(const std::string& path, const Scene& scene);
 // How write_splat() rounds this scene.
 std::vector<std::string> splat_rounding(const Scene& scene);
 
+namespace splat {
+
+// Bytes of a Gaussian, and where its colour and its rotation begin among them.
+inline constexpr std::size_t kRow = 32, kColour = 24, kRotation = 28;
+
+}  // namespace splat
+
 }  // namespace vsplat

@@ -85,11 +85,12 @@ SpzFlips spz_flips(std::uint32_t frame, int degree) {
   const float y = axes & 2 ? -1.0f : 1.0f;  // its y down
   const float z = axes & 4 ? 1.0f : -1.0f;  // its z front
   SpzFlips out{{x, y, z}, {1, y * z, x * z, x * y}, {}};
-  // How each basis function changes with the signs of its argument's parts.
+  // How each basis function changes with the signs of its argument's parts. The last is even in all of them, but the
+  // format's own library changes its coefficient with y, and so do the files that exist.
   const std::vector<float> all = {y,     z,         x,                                     // degree 1
                                   x * y, y * z,     1,     x * z, 1,                       // 2
                                   y,     x * y * z, y,     z,     x, z,     x,             // 3
-                                  x * y, y * z,     x * y, y * z, 1, x * z, 1, x * z, 1};  // 4
+                                  x * y, y * z,     x * y, y * z, 1, x * z, 1, x * z, y};  // 4
   out.sh.assign(all.begin(), all.begin() + ((degree + 1) * (degree + 1) - 1));
   return out;
 }

@@ -1,5 +1,5 @@
-// The container of an SPZ file: its header, and the streams of packed values, decompressed. Versions 1 to 3 are one gzip
-// stream; version 4 has a plain header, a table of contents and a zstd stream for each group of values.
+// The container of an SPZ file: its header, and the streams of packed values, decompressed. Versions 1 to 3 are one
+// gzip stream; version 4 has a plain header, a table of contents and a zstd stream for each group of values.
 #pragma once
 #include <array>
 #include <cstddef>

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 
 #include "model/io/scene/spz.h"
 #include "model/io/scene/spz_container.h"
@@ -33,8 +34,8 @@ int bits_for(double most) {
 
 void put_position(const float* mean, const SpzFlips& flips, int bits, std::uint8_t* out) {
   for (Eigen::Index c = 0; c < 3; ++c) {
-    const auto fixed =
-        static_cast<std::int32_t>(std::lround(std::ldexp(static_cast<double>(flips.position[c] * mean[c]), bits)));
+    const double steps = static_cast<double>(flips.position[c] * mean[c]) * (1 << bits);
+    const auto fixed = static_cast<std::int32_t>(std::lround(steps));
     for (int byte = 0; byte < 3; ++byte) *out++ = static_cast<std::uint8_t>(fixed >> (8 * byte) & 255);
   }
 }
@@ -62,9 +63,28 @@ void put_rotation(const float* quat, const SpzFlips& flips, int version, std::ui
   for (int byte = 0; byte < 4; ++byte) out[byte] = static_cast<std::uint8_t>(packed >> (8 * byte) & 255);
 }
 
-std::uint8_t sh_byte(double value) {
-  const double steps = std::round(value * kSpzShSteps / kShBucket) * kShBucket;
-  return to_byte(steps + kSpzShSteps);
+std::uint8_t sh_byte(float value) {
+  const double bucket = std::clamp(value * kSpzShSteps + kSpzShSteps, 0.0, 255.0) / kShBucket;
+  return to_byte(kShBucket * static_cast<int>(bucket + 0.5));
+}
+
+// Packs the Gaussians from `begin` up to `end`.
+void pack_range(const Gaussians& g, std::size_t begin, std::size_t end, const SpzFlips& flips, SpzContainer& out) {
+  const std::size_t rest = out.coefficients(), rotation = out.bytes_of(kSpzRotations);
+  for (std::size_t k = begin; k < end; ++k) {
+    put_position(&g.means[3 * k], flips, out.bits, &out.streams[kSpzPositions][9 * k]);
+    out.streams[kSpzAlphas][k] = to_byte(g.opacities[k] * 255.0);
+    const float* sh = &g.sh[3 * k * g.sh_count()];
+    for (std::size_t c = 0; c < 3; ++c) {
+      out.streams[kSpzColors][3 * k + c] = to_byte((static_cast<double>(sh[c]) * kSpzColorScale + 0.5) * 255);
+      const double s = g.scales[3 * k + c];
+      out.streams[kSpzScales][3 * k + c] = to_byte((std::log(s) - kSpzLeastLogScale) * kSpzLogScaleSteps);
+    }
+    put_rotation(&g.quats[4 * k], flips, out.version, &out.streams[kSpzRotations][rotation * k]);
+    std::uint8_t* to = out.streams[kSpzSh].data() + 3 * rest * k;
+    for (std::size_t i = 0; i < rest; ++i)
+      for (std::size_t c = 0; c < 3; ++c) to[3 * i + c] = sh_byte(flips.sh[i] * sh[3 * (i + 1) + c]);
+  }
 }
 
 SpzContainer packed(const Gaussians& g, int version, int bits) {
@@ -74,24 +94,11 @@ SpzContainer packed(const Gaussians& g, int version, int bits) {
   out.degree = g.sh_degree;
   out.bits = bits;
   const SpzFlips flips = spz_flips(out.frame, out.degree);
-  const std::size_t rest = out.coefficients();
   for (std::size_t s = 0; s < kSpzStreams; ++s) out.streams[s].resize(g.count * out.bytes_of(s));
-  for (std::size_t k = 0; k < g.count; ++k) {
-    put_position(&g.means[3 * k], flips, bits, &out.streams[kSpzPositions][9 * k]);
-    out.streams[kSpzAlphas][k] = to_byte(g.opacities[k] * 255.0);
-    const float* sh = &g.sh[3 * k * g.sh_count()];
-    for (std::size_t c = 0; c < 3; ++c) {
-      out.streams[kSpzColors][3 * k + c] = to_byte((static_cast<double>(sh[c]) * kSpzColorScale + 0.5) * 255);
-      const double s = g.scales[3 * k + c];
-      out.streams[kSpzScales][3 * k + c] = to_byte((std::log(s) - kSpzLeastLogScale) * kSpzLogScaleSteps);
-    }
-    const std::size_t each = out.bytes_of(kSpzRotations);
-    put_rotation(&g.quats[4 * k], flips, version, &out.streams[kSpzRotations][each * k]);
-    std::uint8_t* to = out.streams[kSpzSh].data() + 3 * rest * k;
-    for (std::size_t i = 0; i < rest; ++i)
-      for (std::size_t c = 0; c < 3; ++c)
-        to[3 * i + c] = sh_byte(static_cast<double>(flips.sh[i] * sh[3 * (i + 1) + c]));
-  }
+  // Each half has bytes of its own.
+  auto half = std::async(std::launch::async, [&] { pack_range(g, 0, g.count / 2, flips, out); });
+  pack_range(g, g.count / 2, g.count, flips, out);
+  half.get();
   return out;
 }
 

@@ -70,8 +70,8 @@ typedef struct vsplat_scene_format {
 VSPLAT_API size_t vsplat_scene_format_count(void);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_format_get(size_t index, vsplat_scene_format* out_format);
 
-/* Reads a scene of any format in the table, identified by its content, and by its ending where the content does not say.
-   A PLY may be binary or ASCII, and have surfels as in 2DGS, with two scales each. VSPLAT_ERROR_FORMAT names the
+/* Reads a scene of any format in the table, identified by its content, and by its ending where the content does not
+   say. A PLY may be binary or ASCII, and have surfels as in 2DGS, with two scales each. VSPLAT_ERROR_FORMAT names the
    Gaussian, the property and the byte of the first value that cannot be drawn. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene);
 
