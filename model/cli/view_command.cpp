@@ -44,8 +44,7 @@ std::string found(const std::string& program) {
   return "";
 }
 
-// $BROWSER lists commands, separated by colons, and takes precedence; without it the desktop's own opener, if there is a
-// desktop.
+// $BROWSER lists commands, separated by colons, and comes first; without it the desktop's own opener, if there is one.
 std::string browser() {
   std::istringstream named(variable("BROWSER"));
   for (std::string program; std::getline(named, program, ':');)

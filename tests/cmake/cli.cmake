@@ -2,14 +2,14 @@
 find_package(Python3 COMPONENTS Interpreter REQUIRED)
 # Python exits with 0 even if it skips a test; the last line of its output shows that.
 set(python_skipped "OK \\(skipped=")
-foreach(part accidents bad_files bench cameras check convert dataset doctor driver_state evaluate far fit fit_page fit_scene flags full_disk genden help import kernels lara pictures precision profile reader refusal report run scene_formats scenes selftest share strangers tables train train_learns train_report tune usage views)
+foreach(part accidents bad_files bench cameras check convert dataset doctor driver_state evaluate far fit fit_page fit_scene flags full_disk genden help import kernels lara pictures precision profile reader refusal report run scene_formats scenes selftest share strangers tables train train_learns train_report tune usage viewer views)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py)
   set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
 # The tests marked as slow in these files, which the tests above skip.
-foreach(part bad_files import reader selftest share train train_learns tune)
+foreach(part bad_files import reader selftest share train train_learns tune viewer)
   add_test(NAME cli_${part}_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py --slow)
   set_tests_properties(cli_${part}_slow PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")

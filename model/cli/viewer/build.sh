@@ -6,7 +6,7 @@ set -eu
 cd "$(dirname "$0")"
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
-cp -r package.json package-lock.json src "$folder"
+cp -r package.json package-lock.json bundle.mjs src "$folder"
 cd "$folder"
 npm ci --no-audit --no-fund --ignore-scripts >/dev/null
 {
@@ -14,8 +14,7 @@ npm ci --no-audit --no-fund --ignore-scripts >/dev/null
   sed 's/\*\//* \//' node_modules/playcanvas/LICENSE
   echo '*/'
 } >licence.txt
-node_modules/.bin/esbuild src/main.js --bundle --minify --format=iife --target=es2022 --charset=ascii --legal-comments=none --log-level=warning \
-  --outfile=bundle.js
+node bundle.mjs
 cat licence.txt bundle.js >viewer.js
 cd "$OLDPWD"
 if [ "${1-}" = --check ]; then

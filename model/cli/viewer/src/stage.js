@@ -63,6 +63,7 @@ export class Stage {
     const camera = new Entity();
     camera.addComponent('camera', {layers: [layer.id], toneMapping: TONEMAP_NONE, priority: i});
     camera.camera.calculateProjection = (matrix) => matrix.copy(this.projection);
+    camera.camera.camera._scissorRectClear = true;  // the line between two scenes bounds what is cleared, too
     this.app.root.addChild(camera);
     return camera;
   }
