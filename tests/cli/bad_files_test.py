@@ -48,7 +48,7 @@ READ = [
     ("fit --model", ".safetensors", (*FIT, "--start", "network", "--model", "{bad}"), ("model",)),
     ("fit --checkpoint", "", (*FIT, "--start", "{scene}", "--checkpoint", "{bad}", "--resume"), ("missing", "folder")),
     ("fit --settings", ".json", (*FIT, "--start", "{scene}", "--settings", "{bad}"), ()),
-    ("render SCENE.ply", ".ply", ("render", "{bad}", "--cameras", "orbit:1", "--images", "{out}/x", "--size", "16x16", *SMALL), ("scene",)),
+    ("render SCENE", ".ply", ("render", "{bad}", "--cameras", "orbit:1", "--images", "{out}/x", "--size", "16x16", *SMALL), ("scene",)),
     ("render --cameras", "", (*RENDER, "--cameras", "{bad}", "--images", "{out}/x"), ()),
     ("render --cameras path", "", (*RENDER, "--cameras", "path:{bad}:3", "--images", "{out}/x"), ()),
     ("render --compare", "", (*RENDER, "--cameras", "{object}", "--compare", "{bad}"), ()),
@@ -109,6 +109,8 @@ WRITTEN = [
     *((f"render {option}", ending, (*RENDER, "--cameras", "orbit:1", option, "{bad}", *more)) for option, ending, more in (
         ("--images", "/", ()), ("--sheet", ".png", ()), ("--turntable", ".webp", ()), ("--write-cameras", ".json", ("--images", "{out}/x")))),
     ("render --differences", "/", (*RENDER, "--cameras", "{object}", "--compare", "{object}/images", "--differences", "{bad}")),
+    ("render --viewer", ".html", (*RENDER, "--viewer", "{bad}")),
+    ("fit --viewer", ".html", (*FIT, "--start", "{scene}", "--viewer", "{bad}")),
     ("convert --output", ".ply", ("convert", "{surfels}", "--surfels-to-gaussians", "0.1", "--output", "{bad}")),
     ("init --output", ".safetensors", ("init", "micro", "--seed", "1", "--output", "{bad}")),
     ("convert --viewer", ".html", ("convert", "{scene}", "{out}/s.ply", "--viewer", "{bad}")),
