@@ -65,6 +65,12 @@ vsplat::Scene merged(const ConvertOptions& o) {
   return std::move(*out);
 }
 
+vsplat::Scene copy_of(const vsplat::Scene& scene) {
+  vsplat::Scene out = vsplat::Scene::create(vsplat::ConstGaussianSpans{}, 0);
+  out.append(scene);
+  return out;
+}
+
 void keep_visible(Session& session, vsplat::Scene& scene, uint64_t most) {
   vsplat_scene_keep_visible_options options = VSPLAT_SCENE_KEEP_VISIBLE_OPTIONS_INIT;
   options.max_gaussians = most;
@@ -76,11 +82,11 @@ void keep_visible(Session& session, vsplat::Scene& scene, uint64_t most) {
 }
 
 // The bytes of the file, read back and compared with the scene; std::runtime_error if they are too far off.
-std::vector<unsigned char> verified_bytes(const ConvertOptions& o, Session& session, const vsplat::Scene& scene,
-                                          const vsplat_scene_save_options& saving, double least,
-                                          std::optional<SceneCheck>& check) {
+std::vector<unsigned char> verified_bytes(const ConvertOptions& o, Session& session, const vsplat::Scene& original,
+                                          const vsplat::Scene& scene, const vsplat_scene_save_options& saving,
+                                          double least, std::optional<SceneCheck>& check) {
   std::vector<unsigned char> out = scene.save_memory(saving);
-  check.emplace(session, scene, vsplat::Scene::load(out));
+  check.emplace(session, original, scene, vsplat::Scene::load(out));
   if (!(check->psnr() >= least)) {
     char limit[32];
     std::snprintf(limit, sizeof limit, "%.4g dB", least);
@@ -109,6 +115,9 @@ void convert(ConvertOptions o) {
   std::optional<Session> session;
   const bool reduces = changes.max_gaussians() > 0 && before > changes.max_gaussians();
   if (reduces || least) session.emplace(o.common);
+  // --verify compares with the scene before it is reduced.
+  const vsplat::Scene original = least && (reduces || changes.reduces_sh(scene)) ? copy_of(scene) : scene;
+  if (changes.reduces_sh(scene)) changes.reduce_sh(scene);
   if (reduces) keep_visible(*session, scene, changes.max_gaussians());
   const vsplat_scene_info info = scene.info();
   if (info.count < before)
@@ -118,7 +127,7 @@ void convert(ConvertOptions o) {
   saving.format = format.c_str();
   std::optional<SceneCheck> check;
   std::vector<unsigned char> bytes;
-  if (least) bytes = verified_bytes(o, *session, scene, saving, *least, check);
+  if (least) bytes = verified_bytes(o, *session, original, scene, saving, *least, check);
   file.save(o.common, scene, saving, least ? &bytes : nullptr);
   page.save(o.common, {{"scene", scene}});
   outputs.commit();

@@ -147,8 +147,7 @@ void SceneChanges::apply(const Common& common, vsplat::Scene& scene) {
   vsplat_scene_edit_options o = options_;
   if (!from_.empty()) o.from_axes = from_.c_str();
   if (!to_.empty()) o.to_axes = to_.c_str();
-  // A scene gains no degrees.
-  if (o.sh_degree > before.sh_degree) o.sh_degree = -1;
+  o.sh_degree = -1;
   const bool has_up =
       has_up_ || !from_.empty() || std::any_of(before.up, before.up + 3, [](double v) { return v != 0; });
   if (o.upright && !has_up) throw UsageError("--upright: the scene does not say which direction is up: give --up");
@@ -164,6 +163,16 @@ void SceneChanges::apply(const Common& common, vsplat::Scene& scene) {
   if (result_.mirrored)
     say(common, "The axes change from one hand to the other: programs whose axes are not these show a mirror image");
   if (before.count > 0 && result_.count == 0) warn("no Gaussian is left");
+}
+
+bool SceneChanges::reduces_sh(const vsplat::Scene& scene) const {
+  return options_.sh_degree >= 0 && options_.sh_degree < scene.info().sh_degree;
+}
+
+void SceneChanges::reduce_sh(vsplat::Scene& scene) const {
+  vsplat_scene_edit_options o = VSPLAT_SCENE_EDIT_OPTIONS_INIT;
+  o.sh_degree = options_.sh_degree;
+  vsplat::edit(scene, o);
 }
 
 void SceneChanges::add_results(nlohmann::ordered_json& out) const {

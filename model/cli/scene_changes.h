@@ -23,8 +23,11 @@ class SceneChanges {
 
   // How many Gaussians are kept, the most visible ones; 0: all. This needs a device.
   std::uint64_t max_gaussians() const { return max_gaussians_; }
-  // Applies all but max_gaussians(), and says what was removed.
+  // Applies all but what reduces the scene, and says what was removed.
   void apply(const Common& common, vsplat::Scene& scene);
+  // Whether spherical harmonics of the scene are left out, which reduce_sh() does.
+  bool reduces_sh(const vsplat::Scene& scene) const;
+  void reduce_sh(vsplat::Scene& scene) const;
   // Adds "removed" and "mirrored" of what apply() did.
   void add_results(nlohmann::ordered_json& out) const;
 

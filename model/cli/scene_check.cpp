@@ -41,17 +41,18 @@ double squares_between(const vsplat::Picture& a, const vsplat::Picture& b) {
 
 }  // namespace
 
-SceneCheck::SceneCheck(Session& session, const vsplat::Scene& scene, const vsplat::Scene& written) {
+SceneCheck::SceneCheck(Session& session, const vsplat::Scene& original, const vsplat::Scene& scene,
+                       const vsplat::Scene& written) {
   const vsplat_scene_info before = scene.info(), after = written.info();
   if (before.count == after.count && before.surfels == after.surfels) difference_ = vsplat::difference(scene, written);
   vsplat_orbit_options orbit = VSPLAT_ORBIT_OPTIONS_INIT;
   orbit.count = kPictures;
   orbit.width = orbit.height = kSide;
-  const std::vector<vsplat_camera> cameras = scene.orbit(orbit).all();
+  const std::vector<vsplat_camera> cameras = original.orbit(orbit).all();
   // All of one scene, then all of the other: each is placed on the device once.
   std::vector<vsplat::Picture> drawn;
   session.start("verifying");
-  for (const vsplat::Scene* one : {&scene, &written})
+  for (const vsplat::Scene* one : {&original, &written})
     for (const vsplat_camera& camera : cameras) {
       const double done = static_cast<double>(drawn.size()) / (2.0 * kPictures);
       if (!Session::on_progress(&session, "drawing", done)) throw std::runtime_error("stopped while verifying");

@@ -12,8 +12,9 @@ namespace command {
 
 class SceneCheck {
  public:
-  // Draws both from eight cameras on a circle about the scene, 512 x 512 pixels over white.
-  SceneCheck(Session& session, const vsplat::Scene& scene, const vsplat::Scene& written);
+  // Draws `original` and `written` from eight cameras on a circle about the scene, 512 x 512 pixels over white.
+  // `scene` is what was written, whose values are compared: the original, or what was left of it.
+  SceneCheck(Session& session, const vsplat::Scene& original, const vsplat::Scene& scene, const vsplat::Scene& written);
 
   double psnr() const { return psnr_; }  // of all pictures together, dB; infinite if they are equal
   std::string text() const;              // what was found, for a reader

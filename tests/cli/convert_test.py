@@ -208,6 +208,10 @@ class Convert(support.Case):
             self.assertTrue(0 < check["difference"]["positions"]["rms"] <= check["difference"]["positions"]["largest"] < 1e-3)
             self.assertTrue(0 < check["difference"]["opacities"]["largest"] < 0.01)
             self.assertTrue(told["lost"])
+        # Reductions count: they are compared with what was there before.
+        told, _ = self.convert("--verify=5", "--max-gaussians", 60, "--sh", 0)
+        self.assertTrue(5 < told["verification"]["psnr"] < 35)
+        self.assertEqual(told["verification"]["difference"]["sh"]["largest"], 0)  # of what was written, in a PLY
         # The figures are those that a reader finds.
         self.succeeds("convert", self.path("out.spz"), self.path("back.ply"))
         furthest = max(math.dist(a, b) for a, b in zip(self.middles(self.rows), self.middles(read_rows(self.path("back.ply"))[1])))
