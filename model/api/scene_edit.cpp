@@ -1,9 +1,14 @@
 // Changing scenes in place.
 #include "model/base/scene_edit.h"
 
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <cmath>
+#include <optional>
 
 #include "model/api/scene.h"
+#include "model/base/axes.h"
+#include "model/base/scene_filter.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -35,7 +40,99 @@ void edit(vsplat_scene scene, const F& change) {
   scene->become(std::move(made));
 }
 
+void need_finite(const double (&values)[3], const char* what) {
+  for (size_t c = 0; c < 3; ++c)
+    if (!std::isfinite(values[c])) fail(Status::usage, "{}[{}] is {}: a finite number expected", what, c, values[c]);
+}
+
+void need_length(double value, const char* what) {
+  if (!(value >= 0) || !std::isfinite(value)) fail(Status::usage, "{} is {}: 0 or more expected", what, value);
+}
+
+// The box, if its corners are in order.
+Box box_of(const double* low, const double* high, const char* low_name, const char* high_name) {
+  for (int c = 0; c < 3; ++c)
+    if (!(low[c] <= high[c]))
+      fail(Status::usage, "{2}[{0}] is {3} and {4}[{0}] is {1}: {2} must be at most {4}", c, high[c], low_name, low[c],
+           high_name);
+  return {Eigen::Vector3d(low[0], low[1], low[2]), Eigen::Vector3d(high[0], high[1], high[2])};
+}
+
+SceneFilter filter_of(const vsplat_scene_edit_options& o) {
+  SceneFilter out;
+  if (o.has_box) out.box = box_of(o.box_low, o.box_high, "options.box_low", "options.box_high");
+  need_length(o.sphere_radius, "options.sphere_radius");
+  need_finite(o.sphere_centre, "options.sphere_centre");
+  if (o.sphere_radius > 0)
+    out.sphere = Sphere{{o.sphere_centre[0], o.sphere_centre[1], o.sphere_centre[2]}, o.sphere_radius};
+  if (!(o.min_opacity >= 0 && o.min_opacity <= 1))
+    fail(Status::usage, "options.min_opacity is {}: 0 to 1 expected", o.min_opacity);
+  out.min_opacity = o.min_opacity;
+  need_length(o.max_size, "options.max_size");
+  out.max_size = o.max_size;
+  out.without_floaters = o.remove_floaters != 0;
+  return out;
+}
+
+// How the scene turns, is scaled and moves; sets its up direction before that.
+Similarity movement_of(const vsplat_scene_edit_options& o, Scene& scene) {
+  const char* const from = o.from_axes ? o.from_axes : "RDF";
+  Similarity out;
+  out.rotation = change_of_axes(from, o.to_axes ? o.to_axes : from);
+  const Eigen::Vector3d up = up_of_axes(from);
+  if (const auto given = up_of(o.up, "options.up")) scene.up = given;
+  if (!scene.up && o.from_axes)
+    scene.up = {static_cast<float>(up.x()), static_cast<float>(up.y()), static_cast<float>(up.z())};
+  if (o.upright) {
+    if (!scene.up)
+      fail(Status::usage,
+           "options.upright is 1, but the scene does not say which direction is up, and options.up does not either");
+    const Eigen::Vector3d now((*scene.up)[0], (*scene.up)[1], (*scene.up)[2]);
+    // A direction that is up to rounding stays as it is.
+    if ((now - up).norm() > 1e-6) out.rotation *= Eigen::Quaterniond::FromTwoVectors(now, up).toRotationMatrix();
+  }
+  need_length(o.scale, "options.scale");
+  if (o.scale > 0) out.scale = o.scale;
+  need_finite(o.translation, "options.translation");
+  out.translation = {o.translation[0], o.translation[1], o.translation[2]};
+  return out;
+}
+
+// Leaves the values identical bit for bit if nothing moves.
+void move_scene(Scene& scene, const Similarity& move) {
+  if (move.scale == 1 && move.rotation.isIdentity(0) && move.translation.isZero(0)) return;
+  const Eigen::Vector3d offset = scene.offset.isZero(0) ? scene.offset : move.apply(scene.offset);
+  vsplat::transform(scene, move, offset);
+}
+
 }  // namespace
+
+vsplat_status vsplat_scene_edit(vsplat_scene scene, const vsplat_scene_edit_options* options,
+                                vsplat_scene_edit_result* out_result) {
+  return guarded([&] {
+    need(scene, "scene");
+    const vsplat_scene_edit_options o = taken(options, VSPLAT_SCENE_EDIT_OPTIONS_INIT, "options");
+    if (out_result) need_room(out_result, "out_result");
+    if (o.sh_degree < -1 || o.sh_degree > 4)
+      fail(Status::usage, "options.sh_degree is {}: 0 to 4, or -1, expected", o.sh_degree);
+    const SceneFilter what = filter_of(o);
+    vsplat_scene_edit_result result = VSPLAT_SCENE_EDIT_RESULT_INIT;
+    edit(scene, [&](Scene& s) {
+      const Similarity move = movement_of(o, s);
+      const FilteredGaussians removed = filter(s, what);
+      move_scene(s, move);
+      if (o.sh_degree >= 0) set_degree(s.gaussians, o.sh_degree);
+      result.count = s.gaussians.count;
+      result.outside_box = removed.box;
+      result.outside_sphere = removed.sphere;
+      result.below_opacity = removed.opacity;
+      result.above_size = removed.size;
+      result.floaters = removed.floaters;
+      result.mirrored = move.rotation.determinant() < 0;
+    });
+    if (out_result) give(out_result, result, "out_result");
+  });
+}
 
 vsplat_status vsplat_scene_append(vsplat_scene scene, vsplat_scene other, const double transform[16]) {
   return guarded([&] {
@@ -76,19 +173,8 @@ vsplat_status vsplat_scene_crop(vsplat_scene scene, const double low[3], const d
     need(scene, "scene");
     need(low, "low");
     need(high, "high");
-    for (int c = 0; c < 3; ++c)
-      if (!(low[c] <= high[c]))
-        fail(Status::usage, "low[{0}] is {1} and high[{0}] is {2}: low must be at most high", c, low[c], high[c]);
-    edit(scene, [&](Scene& s) {
-      const Gaussians& g = s.gaussians;
-      keep(s.gaussians, [&](std::size_t k) {
-        bool in = true;
-        for (std::size_t c = 0; c < 3; ++c) {
-          const double at = static_cast<double>(g.means[3 * k + c]) + s.offset[static_cast<Eigen::Index>(c)];
-          in = in && at >= low[c] && at <= high[c];
-        }
-        return in;
-      });
-    });
+    SceneFilter what;
+    what.box = box_of(low, high, "low", "high");
+    edit(scene, [&](Scene& s) { filter(s, what); });
   });
 }

@@ -50,6 +50,15 @@ VSPLAT_LONG_FIELDS(vsplat_fit_options, VSPLAT_LONG_FIELD(vsplat_fit_options, bac
 VSPLAT_LONG_FIELDS(vsplat_fit_result, VSPLAT_LONG_FIELD(vsplat_fit_result, background))
 VSPLAT_LONG_FIELDS(vsplat_fit_progress, VSPLAT_LONG_FIELD(vsplat_fit_progress, phase))
 VSPLAT_LONG_FIELDS(vsplat_render_options, VSPLAT_LONG_FIELD(vsplat_render_options, background))
+VSPLAT_LONG_FIELDS(vsplat_scene_edit_options, VSPLAT_LONG_FIELD(vsplat_scene_edit_options, box_low),
+                   VSPLAT_LONG_FIELD(vsplat_scene_edit_options, box_high),
+                   VSPLAT_LONG_FIELD(vsplat_scene_edit_options, sphere_centre),
+                   VSPLAT_LONG_FIELD(vsplat_scene_edit_options, up),
+                   VSPLAT_LONG_FIELD(vsplat_scene_edit_options, translation))
+VSPLAT_LONG_FIELDS(vsplat_scene_file, VSPLAT_LONG_FIELD(vsplat_scene_file, version))
+VSPLAT_LONG_FIELDS(vsplat_scene_statistics, VSPLAT_LONG_FIELD(vsplat_scene_statistics, low),
+                   VSPLAT_LONG_FIELD(vsplat_scene_statistics, high), VSPLAT_LONG_FIELD(vsplat_scene_statistics, low_1),
+                   VSPLAT_LONG_FIELD(vsplat_scene_statistics, high_99))
 VSPLAT_LONG_FIELDS(vsplat_scene_info, VSPLAT_LONG_FIELD(vsplat_scene_info, mirror),
                    VSPLAT_LONG_FIELD(vsplat_scene_info, up), VSPLAT_LONG_FIELD(vsplat_scene_info, offset),
                    VSPLAT_LONG_FIELD(vsplat_scene_info, detail_middle))

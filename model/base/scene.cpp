@@ -107,7 +107,9 @@ void rotate_sh(Gaussians& g, const Eigen::Matrix3d& rotation) {
 }  // namespace
 
 void transform(Gaussians& g, const Similarity& move) {
-  const Eigen::Quaterniond turn(move.rotation);
+  // A Gaussian is its own image through its centre, so a rotation that mirrors turns its axes as its negative does.
+  const bool mirrors = move.rotation.determinant() < 0;
+  const Eigen::Quaterniond turn(mirrors ? Eigen::Matrix3d(-move.rotation) : move.rotation);
   for (float& s : g.scales) s = static_cast<float>(s * move.scale);
   for (std::size_t k = 0; k < g.count; ++k) {
     Eigen::Map<Eigen::Vector3f> mean(&g.means[3 * k]);

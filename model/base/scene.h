@@ -36,7 +36,7 @@ struct Scene {
   bool antialias = false;
 };
 
-// x -> scale rotation x + translation, with a proper rotation.
+// x -> scale rotation x + translation. The rotation is proper, or for transform() alone one that also mirrors.
 struct Similarity {
   double scale = 1;
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();

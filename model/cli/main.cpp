@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
   command::add_render(app, run);
   command::add_view(app, run);
   command::add_scene_convert(app, run);
+  command::add_scene_info(app, run);
   command::add_init(app, run);
   command::add_weights(app, run);
   command::add_devices(app, run);

@@ -45,7 +45,8 @@ SceneFile::SceneFile(Outputs& outputs, const std::string& path) : outputs_(outpu
   outputs.expect(offset_path_);
 }
 
-void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
+void SceneFile::save(const Common& common, const vsplat::Scene& scene, const vsplat_scene_save_options& options,
+                     const std::vector<unsigned char>* made) {
   if (path_.empty()) return;
   const vsplat_scene_info info = scene.info();
   if (std::any_of(info.offset, info.offset + 3, [](double v) { return v != 0; }))
@@ -59,13 +60,25 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
     say(common, path_ + ": is too far from the world's origin for floats: its positions are relative to " + text +
                     ", which " + offset_path_ + " tells other programs");
   }
-  scene.save(outputs_.begin(path_));
-  const std::optional<vsplat_scene_format> format = format_of(path_);
-  std::istringstream lost(format ? scene.losses(format->name) : "");
-  for (std::string sentence; std::getline(lost, sentence);) say(common, path_ + ": " + sentence);
+  outputs_.begin(path_);
+  if (made && offset_.empty())
+    vsplat::check(vsplat_file_write(path_.c_str(), made->data(), made->size()));
+  else
+    scene.save(path_, options);
+  std::istringstream lost(scene.losses(format()));
+  for (std::string sentence; std::getline(lost, sentence);) {
+    say(common, path_ + ": " + sentence);
+    lost_.push_back(sentence);
+  }
+}
+
+std::string SceneFile::format() const {
+  const std::optional<vsplat_scene_format> found = format_of(path_);
+  return found ? found->name : "";
 }
 
 void SceneFile::add_results(nlohmann::ordered_json& out) const {
+  if (!lost_.empty()) out["lost"] = lost_;
   if (offset_.empty()) return;
   out["offset"] = offset_;
   out["offset_file"] = offset_path_;

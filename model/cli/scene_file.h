@@ -2,6 +2,7 @@
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
@@ -19,14 +20,20 @@ class SceneFile {
   SceneFile(Outputs& outputs, const std::string& path);
 
   // Writes the scene; also SCENE.offset.json, with a message, if its positions are relative to an offset rather than in
-  // the world.
-  void save(const Common& common, const vsplat::Scene& scene);
+  // the world. `made`, if not null, is what the file will hold; it was made with the same options.
+  void save(const Common& common, const vsplat::Scene& scene,
+            const vsplat_scene_save_options& options = VSPLAT_SCENE_SAVE_OPTIONS_INIT,
+            const std::vector<unsigned char>* made = nullptr);
+  // The name of the format in which it is written; "" without a path.
+  std::string format() const;
+  // Adds what save() has lost, if anything, and the offset, if there is one.
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
   Outputs& outputs_;
   std::string path_, offset_path_;
-  std::vector<double> offset_;  // empty: 0
+  std::vector<double> offset_;     // empty: 0
+  std::vector<std::string> lost_;  // sentences
 };
 
 }  // namespace command

@@ -15,7 +15,7 @@ import support
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "hostile"))
 import rule  # noqa: E402
 
-COMMANDS = ("reconstruct", "fit", "render", "convert", "init", "weights info", "weights verify", "weights convert", "weights import", "devices",
+COMMANDS = ("reconstruct", "fit", "render", "convert", "info", "init", "weights info", "weights verify", "weights convert", "weights import", "devices",
             "doctor", "report", "kernels", "tune", "selftest", "bench", "profile diff", "dataset render", "dataset procedural", "dataset info",
             "train", "evaluate")
 # The words by which --help stands for a file or a folder.
@@ -48,11 +48,12 @@ READ = [
     ("fit --model", ".safetensors", (*FIT, "--start", "network", "--model", "{bad}"), ("model",)),
     ("fit --checkpoint", "", (*FIT, "--start", "{scene}", "--checkpoint", "{bad}", "--resume"), ("missing", "folder")),
     ("fit --settings", ".json", (*FIT, "--start", "{scene}", "--settings", "{bad}"), ()),
-    ("render SCENE.ply", ".ply", ("render", "{bad}", "--cameras", "orbit:1", "--images", "{out}/x", "--size", "16x16", *SMALL), ("scene",)),
+    ("render SCENE", ".ply", ("render", "{bad}", "--cameras", "orbit:1", "--images", "{out}/x", "--size", "16x16", *SMALL), ("scene",)),
     ("render --cameras", "", (*RENDER, "--cameras", "{bad}", "--images", "{out}/x"), ()),
     ("render --cameras path", "", (*RENDER, "--cameras", "path:{bad}:3", "--images", "{out}/x"), ()),
     ("render --compare", "", (*RENDER, "--cameras", "{object}", "--compare", "{bad}"), ()),
-    ("convert SCENE.ply", ".ply", ("convert", "{bad}", "--surfels-to-gaussians", "0.1", "--output", "{out}/s.ply"), ()),
+    ("convert SCENE", ".ply", ("convert", "{bad}", "--surfels-to-gaussians", "0.1", "--output", "{out}/s.ply"), ()),
+    ("info SCENE", ".ply", ("info", "{bad}", *SMALL), ("scene",)),
     ("init --encoder", ".safetensors", ("init", "micro", "--seed", "1", "--encoder", "{bad}", "--output", "{out}/m.safetensors"), ("model",)),
     ("weights info MODEL", ".safetensors", ("weights", "info", "{bad}"), ("model", "weights")),
     ("weights verify MODEL", ".safetensors", ("weights", "verify", "{bad}"), ("model",)),
@@ -108,8 +109,12 @@ WRITTEN = [
     *((f"render {option}", ending, (*RENDER, "--cameras", "orbit:1", option, "{bad}", *more)) for option, ending, more in (
         ("--images", "/", ()), ("--sheet", ".png", ()), ("--turntable", ".webp", ()), ("--write-cameras", ".json", ("--images", "{out}/x")))),
     ("render --differences", "/", (*RENDER, "--cameras", "{object}", "--compare", "{object}/images", "--differences", "{bad}")),
+    ("render --viewer", ".html", (*RENDER, "--viewer", "{bad}")),
+    ("fit --viewer", ".html", (*FIT, "--start", "{scene}", "--viewer", "{bad}")),
     ("convert --output", ".ply", ("convert", "{surfels}", "--surfels-to-gaussians", "0.1", "--output", "{bad}")),
     ("init --output", ".safetensors", ("init", "micro", "--seed", "1", "--output", "{bad}")),
+    ("convert --viewer", ".html", ("convert", "{scene}", "{out}/s.ply", "--viewer", "{bad}")),
+    ("info --picture", ".png", ("info", "{scene}", "--picture", "{bad}", *SMALL)),
     ("weights convert --output", ".safetensors", ("weights", "convert", "{model}", "--dtype", "f16", "--output", "{bad}")),
     ("weights import --output", ".safetensors", ("weights", "import", "{model}", "--output", "{bad}")),
     ("report --output", ".json", ("report", "--no-run", "--seconds", "20", "--output", "{bad}")),

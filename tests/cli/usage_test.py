@@ -109,9 +109,9 @@ class Usage(support.Case):
             self.refuses(2, [given[0], "orbit:N"], "render", "scene.ply", "--cameras", self.views, "--images", self.path("x"), *given)
         self.refuses(2, ["--up", "orbit:N"], "render", "scene.ply", "--cameras", self.views, "--images", self.path("x"), "--up", "0,0,1")
 
-    def test_scenes_are_written_as_ply_only(self):
-        for name in ("x.splat", "x.spz", "x.ply.gz", "x"):
-            self.refuses(2, ["--output", name, ".ply", "3DGS PLY"], "reconstruct", self.views, "--model", self.model, "--output", self.path(name))
+    def test_scenes_are_written_by_their_ending(self):
+        for name in ("x.obj", "x.ksplat", "x.ply.gz", "x"):
+            self.refuses(2, ["--output", name, ".ply (3DGS PLY)", ".spz (SPZ)"], "reconstruct", self.views, "--model", self.model, "--output", self.path(name))
         self.refuses(2, ["--write-cameras", ".json"], "render", "scene.ply", "--cameras", "orbit:2", "--write-cameras", self.path("x.txt"))
         self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path("X.PLY"))
 

@@ -62,6 +62,9 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME python_module COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/vsplat_test.py)
   set_tests_properties(python_module PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
+  add_test(NAME python_scene_edit COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/scene_edit_test.py)
+  set_tests_properties(python_scene_edit PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
   add_test(NAME python_metrics COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/metrics_test.py)
   set_tests_properties(python_metrics PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")

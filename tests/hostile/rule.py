@@ -62,6 +62,8 @@ def commands(role, path, sound, out):
     if role == "scene":
         return [("render", ("render", path, "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
                 ("skip", ("render", path, "--skip-bad", "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
+                ("show", ("info", path, *EXPENSIVE)),
+                ("convert", ("convert", path, "--skip-bad", "--remove-floaters", "--to", "RUF", to("s.ply"))),
                 ("fit", ("fit", objects, "--start", path, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE))]
     if role == "run":
         return [("resume", ("train", config, "--data", at("set"), "--resume", "--output", to("given"), *EXPENSIVE))]

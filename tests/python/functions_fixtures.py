@@ -17,7 +17,7 @@ OK = 0
 EDGE = 16  # pixels of the views
 ROOM = 1 << 14  # floats of every array
 GAUSSIANS = 3
-EDITS = ("scene_append", "scene_transform", "scene_remove", "scene_crop")
+EDITS = ("scene_append", "scene_transform", "scene_remove", "scene_crop", "scene_edit", "scene_keep_visible")
 
 
 class Api:
@@ -243,7 +243,7 @@ class Values:
     """Makes a function's arguments for ctypes; `device` replaces that of the handles."""
 
     PATHS = {"cameras_load": "photos", "cameras_load_with": "photos", "views_load": "photos", "views_load_with": "photos", "mesh_load": "mesh", "model_load": "model", "model_import": "checkpoint",
-             "model_inspect": "model", "model_verify": "model", "scene_load": "scene", "scene_load_with": "scene",
+             "model_inspect": "model", "model_verify": "model", "scene_load": "scene", "scene_load_with": "scene", "scene_file_describe": "scene",
              "picture_file_size": "texture", "cameras_load_picture": "texture", "cameras_get_picture_size": "texture"}
     WRITERS = ("_save", "_save_as", "_save_jpeg", "_save_cameras", "_save_selection", "_save_sheet", "_write", "_report")
     NUMBERS = {"num_events": 1, "seconds": 0.0, "seconds_ago": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,

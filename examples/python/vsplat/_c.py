@@ -224,6 +224,39 @@ class _SceneFormat(_Struct):
                 ("writes", c.c_int32), ("sh_degree", c.c_int32), ("lossless", c.c_int32), ("lost", c.c_char_p), ("opened_by", c.c_char_p)]
 
 
+class _SceneEditOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("has_box", c.c_int32), ("box_low", c.c_double * 3), ("box_high", c.c_double * 3),
+                ("sphere_radius", c.c_double), ("sphere_centre", c.c_double * 3), ("min_opacity", c.c_double), ("max_size", c.c_double),
+                ("remove_floaters", c.c_int32), ("up", c.c_double * 3), ("upright", c.c_int32), ("from_axes", c.c_char_p),
+                ("to_axes", c.c_char_p), ("scale", c.c_double), ("translation", c.c_double * 3), ("sh_degree", c.c_int32)]
+
+
+class _SceneEditResult(_Struct):
+    _fields_ = [("size", c.c_size_t), *((name, c.c_uint64) for name in ("count", "outside_box", "outside_sphere", "below_opacity", "above_size", "floaters")),
+                ("mirrored", c.c_int32)]
+
+
+class _SceneKeepVisibleOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("max_gaussians", c.c_uint64), ("cameras", c.c_void_p), ("num_cameras", c.c_size_t),
+                ("progress", _progress), ("user", c.c_void_p)]
+
+
+class _SceneFile(_Struct):
+    _fields_ = [("size", c.c_size_t), ("format", c.c_char_p), ("title", c.c_char_p), ("version", c.c_char * 32), ("axes", c.c_char * 8),
+                ("bytes", c.c_uint64)]
+
+
+class _SceneStatistics(_Struct):
+    _fields_ = [("size", c.c_size_t), *((name, c.c_uint64) for name in ("count", "not_finite", "transparent", "invisible", "huge", "distant")),
+                *((name, c.c_double * 3) for name in ("low", "high", "low_1", "high_99")),
+                *((name, c.c_double) for name in ("median_opacity", "median_size", "largest_size")), ("bytes", c.c_uint64)]
+
+
+class _SceneDifference(_Struct):
+    _fields_ = [("size", c.c_size_t), ("in_order", c.c_int32),
+                *((name + end, c.c_double) for name in ("means", "scales", "rotations", "opacities", "sh") for end in ("", "_rms"))]
+
+
 class _SceneSaveOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("format", c.c_char_p), ("spz_version", c.c_int32)]
 

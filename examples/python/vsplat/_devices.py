@@ -10,7 +10,7 @@ from typing import Any, Callable, Iterable, Sequence
 import numpy as np
 
 from ._c import (UsageError, _Camera, _DeviceInfo, _DeviceOptions, _FitOptions, _FitProgress, _JobOptions, _OpenclGaussians, _OpenclHandles,
-            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _bytes, _call, _choice, _info, _lib, _number,
+            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _SceneKeepVisibleOptions, _bytes, _call, _choice, _info, _lib, _number,
             _numbers, _on_end, _whole)
 from ._dlpack import _array
 from ._handles import Progress, _Handle, _Telling, _given, _jobs, _jobs_lock, _take_text
@@ -155,6 +155,15 @@ class Device(_Handle):
         picture, struct = _new_picture(camera, (colour, alpha, depth), also, out, premultiplied, "out")
         _call("render", self, _given(scene, Scene, "scene"), c.byref(seen_from), c.byref(_render_options(background, near, supersample, antialias)), c.byref(struct))
         return picture
+
+    def keep_visible(self, scene: Scene, max_gaussians: int, cameras: Sequence[Camera] | None = None) -> None:
+        """Keeps the Gaussians of the scene that are most visible, by their blending weights summed over pictures from `cameras` (None: 24 about
+        the scene)."""
+        options = _SceneKeepVisibleOptions(max_gaussians=max_gaussians)
+        if cameras is not None:
+            held = (_Camera * len(cameras))(*(_given(each, Camera, "cameras")._struct() for each in cameras))
+            options.cameras, options.num_cameras = c.cast(held, c.c_void_p), len(cameras)
+        _call("scene_keep_visible", self, _given(scene, Scene, "scene"), c.byref(options))
 
     def reconstruct_async(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None, progress: Progress | None = None,
                           on_end: Callable[[Job], Any] | None = None) -> Job:

@@ -7,8 +7,8 @@ from typing import Any, Iterable, Sequence
 
 import numpy as np
 
-from ._c import (UsageError, _Camera, _Gaussians, _InputInfo, _InputOptions, _ModelInfo, _ModelOptions, _OrbitOptions, _SceneFormat, _SceneInfo,
-            _SceneSaveOptions, _View,
+from ._c import (UsageError, _Camera, _Gaussians, _InputInfo, _InputOptions, _ModelInfo, _ModelOptions, _OrbitOptions, _SceneDifference,
+            _SceneEditOptions, _SceneEditResult, _SceneFile, _SceneFormat, _SceneInfo, _SceneSaveOptions, _SceneStatistics, _View,
             _call, _lib, _numbers, _whole)
 from ._dlpack import _array, _ndarray, _pointer
 from ._handles import _Handle, _given, _path, _saved, _take_text, _texts
@@ -184,6 +184,19 @@ def scene_formats() -> list[dict[str, Any]]:
     return out
 
 
+def describe_scene_file(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """format, title, version (as the file states it, or ""), axes (of positions in the file, or "") and bytes of a scene file."""
+    s = _SceneFile()
+    _call("scene_file_describe", _path(path), c.byref(s))
+    return {**{name: getattr(s, name).decode() for name in ("format", "title", "version", "axes")}, "bytes": s.bytes}
+
+
+def _values_of(s: Any) -> dict[str, Any]:
+    """The fields of a struct, arrays as numpy's."""
+    values = {name: getattr(s, name) for name, *_ in s._fields_ if name != "size"}
+    return {name: np.array(v) if isinstance(v, c.Array) else v for name, v in values.items()}
+
+
 class Scene(_Handle):
     """Gaussians with the settings to draw them with. Belongs to no device."""
 
@@ -240,6 +253,43 @@ class Scene(_Handle):
     def crop(self, low: Sequence[float], high: Sequence[float]) -> None:
         """Keeps the Gaussians whose means lie between the two corners of a box in the world."""
         _call("scene_crop", self, _numbers(low, c.c_double, 3, "low"), _numbers(high, c.c_double, 3, "high"))
+
+    def edit(self, box: tuple[Sequence[float], Sequence[float]] | None = None, sphere: tuple[Sequence[float], float] | None = None,
+             min_opacity: float = 0.0, max_size: float = 0.0, remove_floaters: bool = False, up: Sequence[float] | None = None, upright: bool = False,
+             from_axes: str | None = None, to_axes: str | None = None, scale: float = 0.0, translation: Sequence[float] | None = None,
+             sh_degree: int = -1) -> dict[str, Any]:
+        """Removes Gaussians, in the scene's own coordinates: those outside `box` (low and high corner) and `sphere` (centre, radius), of a
+        lower opacity, with a larger standard deviation, or alone in space. Then turns the scene `upright` (`up`: its up direction before
+        that), changes its axes (three letters say where +x, +y and +z point, R or L, U or D, F or B; "RDF" unless given), scales and moves
+        it, and changes the degree of its spherical harmonics (-1: as it is). Returns how many were removed, by reason, and whether the axes
+        changed from one hand to the other."""
+        options = _SceneEditOptions(min_opacity=min_opacity, max_size=max_size, remove_floaters=remove_floaters, upright=upright,
+                                    from_axes=from_axes, to_axes=to_axes, scale=scale, sh_degree=sh_degree)
+        if box is not None:
+            options.has_box, options.box_low, options.box_high = 1, *(_numbers(corner, c.c_double, 3, "box") for corner in box)
+        if sphere is not None:
+            options.sphere_centre, options.sphere_radius = _numbers(sphere[0], c.c_double, 3, "sphere"), sphere[1]
+        if up is not None:
+            options.up = _numbers(up, c.c_double, 3, "up")
+        if translation is not None:
+            options.translation = _numbers(translation, c.c_double, 3, "translation")
+        result = _SceneEditResult()
+        _call("scene_edit", self, c.byref(options), c.byref(result))
+        return {**_values_of(result), "mirrored": bool(result.mirrored)}
+
+    def statistics(self) -> dict[str, Any]:
+        """What its Gaussians are like: count, not_finite, transparent (opacity below 0.1), invisible (below 1/255), huge, distant, low, high,
+        low_1, high_99 (bounds of the means, and percentiles), median_opacity, median_size, largest_size, bytes."""
+        s = _SceneStatistics()
+        _call("scene_get_statistics", self, c.byref(s))
+        return _values_of(s)
+
+    def difference(self, other: Scene) -> dict[str, Any]:
+        """How far its values are from those of a scene of the same Gaussians: the largest difference of means, scales, rotations (degrees),
+        opacities and sh, the root mean square of each (..._rms), and in_order, whether the Gaussians are in the same order."""
+        s = _SceneDifference()
+        _call("scene_get_difference", self, _given(other, Scene, "other"), c.byref(s))
+        return {**_values_of(s), "in_order": bool(s.in_order)}
 
     def to_bytes(self, format: str = "ply", spz_version: int = 0) -> bytes:
         """The bytes of the file that save() writes, in the format of that name."""

@@ -125,17 +125,6 @@ std::string list_of_formats(const Has& has) {
   return out;
 }
 
-const SceneFormat& format_of(const std::string& name, std::span<const std::byte> beginning) {
-  for (const SceneFormat& format : kSceneTable)
-    if (format.read && format.recognises && format.recognises(beginning)) return format;
-  if (const SceneFormat* format = by_ending(name); format && format->read) return *format;
-  const std::string expected =
-      fmt::format("a scene is expected: {}", list_of_formats([](const SceneFormat& f) { return f.read != nullptr; }));
-  if (const auto kind = what_file_is(name, text_of(beginning)))
-    fail(Status::format, "{}: {}{}{}; {}", name, kind->name, kind->advice.empty() ? "" : "; ", kind->advice, expected);
-  fail(Status::format, "{}: none of the known kinds of files; {}", name, expected);
-}
-
 std::vector<std::byte> beginning_of(const std::string& path) {
   const auto file = open_regular(path);
   std::vector<std::byte> out(kSceneBeginning);
@@ -162,8 +151,19 @@ const SceneFormat& written_format(const std::string& path) {
        list_of_formats([](const SceneFormat& f) { return f.write != nullptr; }));
 }
 
+const SceneFormat& read_format(const std::string& name, std::span<const std::byte> beginning) {
+  for (const SceneFormat& format : kSceneTable)
+    if (format.read && format.recognises && format.recognises(beginning)) return format;
+  if (const SceneFormat* format = by_ending(name); format && format->read) return *format;
+  const std::string expected =
+      fmt::format("a scene is expected: {}", list_of_formats([](const SceneFormat& f) { return f.read != nullptr; }));
+  if (const auto kind = what_file_is(name, text_of(beginning)))
+    fail(Status::format, "{}: {}{}{}; {}", name, kind->name, kind->advice.empty() ? "" : "; ", kind->advice, expected);
+  fail(Status::format, "{}: none of the known kinds of files; {}", name, expected);
+}
+
 Scene read_scene(const std::string& path, SkippedGaussians* skipped) {
-  const SceneFormat& format = format_of(path, beginning_of(path));
+  const SceneFormat& format = read_format(path, beginning_of(path));
   if (format.read_path) return format.read_path(path, skipped);
   const std::vector<unsigned char> content = read_file(path);
   return format.read(path, std::as_bytes(std::span(content)), skipped);
@@ -171,7 +171,7 @@ Scene read_scene(const std::string& path, SkippedGaussians* skipped) {
 
 Scene read_scene(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
   const std::span beginning = content.first(std::min(content.size(), kSceneBeginning));
-  return format_of(name, beginning).read(name, content, skipped);
+  return read_format(name, beginning).read(name, content, skipped);
 }
 
 void write_scene(const std::string& path, const Scene& scene, const SceneWriteOptions& options) {

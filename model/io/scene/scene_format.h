@@ -51,6 +51,10 @@ const SceneFormat& scene_format(std::string_view name);
 // none.
 const SceneFormat& written_format(const std::string& path);
 
+// The format of a file with these first bytes, kSceneBeginning of them or the whole file, and this name. Errors as
+// read_scene().
+const SceneFormat& read_format(const std::string& name, std::span<const std::byte> beginning);
+
 // Reads a scene of any format, identified by its content, and by its ending where the content does not say. Damaged
 // files throw Error(format) with the path, the field and its byte, files of other kinds with what they are. With
 // `skipped`, Gaussians that cannot be drawn are omitted and counted there, and a warning reports their number; without

@@ -43,6 +43,7 @@
 #include <vsplat/render.h>
 #include <vsplat/report.h>
 #include <vsplat/scene.h>
+#include <vsplat/scene_edit.h>
 #include <vsplat/selftest.h>
 #include <vsplat/share.h>
 #include <vsplat/status.h>
