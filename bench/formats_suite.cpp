@@ -60,7 +60,7 @@ Bounds bounds_of(const Gaussians& g) {
   return out;
 }
 
-// Of the corners of all positions and their mean, which no order changes, relative to the scene's size.
+// The largest error of the positions' bounds and mean, which no order changes, relative to the scene's size.
 double position_error(const Gaussians& read, const Gaussians& written) {
   if (read.count != written.count) return INFINITY;
   const Bounds a = bounds_of(read), b = bounds_of(written);
