@@ -160,7 +160,8 @@ void check_count(std::size_t count, std::size_t bytes, const char* what);
 template <class T>
 void need_array(const T* pointer, std::size_t count, const char* what) {
   if (!pointer && count) fail(Status::usage, "{} is null, but its count is {}", what, count);
-  if constexpr (!std::is_void_v<T>) check_count(count, sizeof(T), what);
+  // An array may be one of handles, which are pointers.
+  if constexpr (!std::is_void_v<T>) check_count(count, sizeof(T), what);  // NOLINT(bugprone-sizeof-expression)
 }
 
 // Checks the size of a caller's struct. It may be older or newer than this library's, but its size may not end within a

@@ -316,6 +316,29 @@ void files_are_made_in_memory(const Setting& with) {
   HOLD(status_of([] { Picture().save_memory(VSPLAT_PICTURE_PNG); }) == VSPLAT_ERROR_USAGE);
 }
 
+void scenes_have_formats() {
+  const Scene scene = in_a_row(3, 1);
+  int written = 0;
+  for (const vsplat_scene_format& format : vsplat::scene_formats()) {
+    HOLD(format.lossless == (scene.losses(format.name).empty() ? 1 : 0));
+    if (!format.writes) continue;
+    ++written;
+    vsplat_scene_save_options options = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
+    options.format = format.name;
+    const std::vector<unsigned char> held = scene.save_memory(options);
+    HOLD(Scene::load(held).info().count == 3);
+    scene.save("cpp_test_scene", options);
+    HOLD(Scene::load("cpp_test_scene").info().count == 3);
+  }
+  HOLD(written >= 4);
+  std::remove("cpp_test_scene");
+  vsplat_scene_save_options old = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
+  old.format = "spz";
+  old.spz_version = 1;
+  HOLD(status_of([&] { scene.save_memory(old); }) == VSPLAT_ERROR_USAGE);
+  HOLD(status_of([&] { scene.save("cpp_test_scene.obj"); }) == VSPLAT_ERROR_USAGE);
+}
+
 // The Gaussians are flat along y and two deep: what is hit, how far it is and which way it looks is known.
 void surfaces_and_bytes_are_drawn(const Setting& with) {
   const Scene scene = in_a_row(3, 0);
@@ -369,6 +392,7 @@ int main() try {
   jobs_end_with_what_they_made(with);
   scenes_are_edited();
   files_are_made_in_memory(with);
+  scenes_have_formats();
   surfaces_and_bytes_are_drawn(with);
   if (failures == 0) std::puts("all holds");
   return failures == 0 ? 0 : 1;
