@@ -232,7 +232,8 @@ class Shown(support.Case):
         clicked = 0
         for i, photograph in enumerate(photographs):
             shown.resize(800, 800)  # so that more cameras are in sight
-            shown.key("r")
+            for key in "r----------":
+                shown.key(key)
             shown.evaluate("vsplat.settled()")
             place = shown.evaluate(f"vsplat.place({i})")
             if not place or not all(20 < v < 780 for v in place):

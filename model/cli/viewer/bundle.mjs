@@ -15,7 +15,27 @@ const unused = {
   }
 };
 
+// PlayCanvas ends a Gaussian smoothly at 2.8 standard deviations. Other programs, and vsplat render, draw it unchanged down to an opacity of
+// 1/255.
+const exact = {
+  name: 'exact-gaussians',
+  setup(bundle) {
+    const edits = {
+      'gsplatCommon.js': [['min(1.0, sqrt(max(0.0, log(alpha / alphaClipValue))) * 0.5)', 'sqrt(max(0.0, log(alpha / alphaClipValue))) * 0.5']],
+      'gsplat.js': [['normExp(A) * gaussianColor.a', 'exp(-4.0 * A) * gaussianColor.a'], ['if (A > 1.0) {', 'if (A > 1.5) {']]
+    };
+    bundle.onLoad({filter: /glsl[\\/]chunks[\\/]gsplat[\\/](vert[\\/]gsplatCommon|frag[\\/]gsplat)\.js$/}, async ({path}) => {
+      let contents = await readFile(path, 'utf8');
+      for (const [from, to] of edits[path.split(/[\\/]/).pop()]) {
+        if (!contents.includes(from)) throw new Error(`${path} has no ${from}`);
+        contents = contents.replace(from, to);
+      }
+      return {contents};
+    });
+  }
+};
+
 await build({
   entryPoints: ['src/main.js'], outfile: 'bundle.js', bundle: true, minify: true, format: 'iife', target: 'es2022', charset: 'ascii',
-  legalComments: 'none', logLevel: 'warning', plugins: [unused]
+  legalComments: 'none', logLevel: 'warning', plugins: [unused, exact]
 });

@@ -4,7 +4,7 @@ import {Orbit} from './orbit.js';
 import {fitted, lookAt, matrixOf, meetingPoint, poseOf} from './pose.js';
 import {readSpz} from './spz.js';
 import {Stage} from './stage.js';
-import {add, dot, length, perpendicular, sub, turned} from './vectors.js';
+import {add, dot, length, perpendicular, sub, turned, unit} from './vectors.js';
 
 const element = (id) => document.getElementById(id);
 const FIELD = 0.8;  // radians, of the window's shorter side
@@ -17,7 +17,7 @@ function bytesOf(id) {
   return out;
 }
 
-// The median of what is opaque, and how far from it nine tenths are.
+// The median of what is opaque, and how far from it nearly all of that is.
 function extent({count, properties: p}) {
   const step = Math.max(1, Math.floor(count / 20000));
   let points = [];
@@ -26,7 +26,7 @@ function extent({count, properties: p}) {
   const middle = (values) => values.sort((a, b) => a - b)[values.length >> 1];
   const centre = [0, 1, 2].map((c) => middle(points.map((v) => v[c])));
   const away = points.map((v) => length(sub(v, centre))).sort((a, b) => a - b);
-  return {centre, radius: away[Math.floor(0.9 * (away.length - 1))] || 1, most: away[away.length - 1] || 1};
+  return {centre, radius: away[Math.floor(0.95 * (away.length - 1))] || 1, most: away[away.length - 1] || 1};
 }
 
 class Page {
@@ -50,18 +50,16 @@ class Page {
     this.resize();
   }
 
+  // An object is shown whole, from the first camera's side; a place, in which the cameras are, from the first camera.
   start() {
-    const distance = 1.15 * this.extent.radius / Math.sin(FIELD / 2);
-    const [first] = this.about.cameras;
-    if (first) {
-      // Beside the first camera and farther away, so that it is seen.
-      const from = turned(sub(poseOf(first.w2c).eye, this.centre), this.orbit.up, 0.3);
-      this.orbit.set(this.centre, add(add(this.centre, from, 1.4), this.orbit.up, 0.15 * length(from)));
-    } else {
-      const flat = perpendicular(this.orbit.up);
-      const from = add(turned(flat, this.orbit.up, 0.6).map((v) => v * 0.95), this.orbit.up, 0.3);
-      this.orbit.set(this.extent.centre, add(this.extent.centre, from, distance));
-    }
+    const {centre, radius} = this.extent;
+    const eyes = this.about.cameras.map((camera) => poseOf(camera.w2c).eye);
+    const distance = (eyes.length ? 1.4 : 1.15) * radius / Math.sin(FIELD / 2);
+    if (eyes.length && eyes.some((eye) => length(sub(eye, centre)) < 1.2 * radius)) return this.orbit.set(this.centre, eyes[0]);
+    const {up} = this.orbit;
+    const from = eyes.length ? sub(eyes[0], centre) : turned(perpendicular(up), up, 0.6);
+    const flat = unit(add(from, up, -dot(from, up)));
+    this.orbit.set(centre, add(add(centre, flat, 0.95 * distance), up, 0.3 * distance));
   }
 
   lens() {
