@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "tests/support/golden_file.h"
 
 namespace vsplat::test {
 namespace {
@@ -21,6 +22,8 @@ std::string Golden::path_of(const std::string& name) {
   if (std::filesystem::exists(committed)) return committed;
   return std::string(VSPLAT_GOLDEN_DIR) + "/" + name + ".safetensors";
 }
+
+std::string golden_file(const std::string& name) { return std::string(VSPLAT_SOURCE_DIR) + "/tests/golden/" + name; }
 
 bool Golden::exists(const std::string& name) { return std::filesystem::exists(path_of(name)); }
 

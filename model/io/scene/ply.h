@@ -2,22 +2,13 @@
 // f_dc_* and channel-major f_rest_*. Surfels have no scale_2, as in 2DGS files; this distinguishes them from volumes.
 #pragma once
 #include <cstddef>
-#include <cstdint>
 #include <span>
 #include <string>
 
 #include "model/base/scene.h"
+#include "model/io/scene/skipped_gaussians.h"
 
 namespace vsplat {
-
-// Counts the Gaussians of a file that cannot be drawn, by reason.
-struct SkippedGaussians {
-  std::uint64_t not_finite = 0;     // a value is NaN or infinite (except opacity logits: infinite ones mean 0 and 1)
-  std::uint64_t huge_scale = 0;     // a scale's exponential exceeds a float's range
-  std::uint64_t zero_rotation = 0;  // a quaternion of length 0
-
-  std::uint64_t total() const { return not_finite + huge_scale + zero_rotation; }
-};
 
 // Reads ASCII and binary of either byte order, with properties in any order and of any scalar type; unknown properties
 // and other elements are skipped. Absent groups get rotation 1 0 0 0, log-scale -4, opacity logit 0; red, green, blue
