@@ -60,7 +60,7 @@ std::optional<ForeignFile> media_kind(const std::string& path, std::string_view 
 std::optional<ForeignFile> archive_kind(const std::string& path, std::string_view begin) {
   if (begin.starts_with("PK\x03\x04")) {
     if (lower_ending(path) == ".sog" || has_text(begin, "meta.json") || has_text(begin, "means_l.webp"))
-      return other_scene(path, "a SOG file of Gaussians");
+      return ForeignFile{"a SOG file of Gaussians"};
     if (has_text(begin, "data.pkl") || has_text(begin, "/byteorder"))
       return ForeignFile{"a PyTorch checkpoint (a model)", "vsplat weights import reads it"};
     if (has_text(begin, ".npy")) return ForeignFile{"an archive of NumPy arrays (npz)"};
@@ -86,7 +86,7 @@ std::optional<ForeignFile> text_kind(const std::string& path, std::string_view b
   if (from.starts_with("<?xml") || from.starts_with("<svg")) return ForeignFile{"XML or SVG"};
   if (from.starts_with("{") || from.starts_with("[")) {
     if (has_text(begin, "\"means\"") && has_text(begin, "\"quats\""))
-      return other_scene(path, "the meta.json of a SOG scene");
+      return ForeignFile{"the meta.json of a SOG scene"};
     if (has_text(begin, "\"asset\"") && has_text(begin, "\"version\"")) return other_mesh(path, "a glTF file");
     if (has_text(begin, "\"frames\"") || has_text(begin, "\"w2c\"") || has_text(begin, "\"camera_angle_x\"") ||
         has_text(begin, "\"rotation\""))
@@ -101,7 +101,7 @@ std::optional<ForeignFile> by_beginning(const std::string& path, std::string_vie
   if (const auto found = archive_kind(path, begin)) return found;
   if (begin.starts_with("NGSP")) return ForeignFile{"an SPZ file of Gaussians"};
   if (begin.starts_with("glTF"))
-    return has_text(begin, "KHR_gaussian_splatting") ? other_scene(path, "a glTF file of Gaussians")
+    return has_text(begin, "KHR_gaussian_splatting") ? ForeignFile{"a glTF file of Gaussians"}
                                                      : other_mesh(path, "a GLB file");
   if (begin.starts_with("ply\n") || begin.starts_with("ply\r\n")) return ForeignFile{"a PLY file"};
   if (begin.starts_with("\x89PNG")) return ForeignFile{"a PNG picture"};
@@ -141,7 +141,7 @@ std::optional<ForeignFile> by_ending(const std::string& path) {
   if (ending == ".spz") return ForeignFile{"an SPZ file of Gaussians by its ending"};
   if (ending == ".splat") return ForeignFile{"a .splat file of Gaussians"};
   if (ending == ".ksplat") return other_scene(path, "a .ksplat file of Gaussians");
-  if (ending == ".sog") return other_scene(path, "a SOG file of Gaussians by its ending");
+  if (ending == ".sog") return ForeignFile{"a SOG file of Gaussians by its ending"};
   if (ending == ".lcc") return other_scene(path, "an LCC file of Gaussians");
   if (ending == ".obj" || ending == ".stl") return other_mesh(path, ending == ".obj" ? "an OBJ file" : "an STL file");
   if (ending == ".tga") return other_picture(path, "a TGA picture", "convert");

@@ -2,6 +2,8 @@
 
 #include <openssl/evp.h>
 
+#include <algorithm>
+#include <cstddef>
 #include <limits>
 
 #include "runtime/fail.h"
@@ -15,6 +17,23 @@ std::string base64(const std::vector<unsigned char>& bytes) {
   const int length =
       EVP_EncodeBlock(reinterpret_cast<unsigned char*>(out.data()), bytes.data(), static_cast<int>(bytes.size()));
   out.resize(static_cast<std::size_t>(length));
+  return out;
+}
+
+std::optional<std::vector<unsigned char>> from_base64(std::string_view text) {
+  // libcrypto would also skip white space at both ends, and accept padding anywhere.
+  std::size_t padding = 0;
+  while (padding < 2 && padding < text.size() && text[text.size() - 1 - padding] == '=') ++padding;
+  const bool plain = std::all_of(text.begin(), text.end() - static_cast<std::ptrdiff_t>(padding), [](unsigned char c) {
+    return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '+' || c == '/';
+  });
+  if (!plain || text.size() % 4 != 0 || text.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    return std::nullopt;
+  std::vector<unsigned char> out(text.size() / 4 * 3);
+  if (!out.empty() && EVP_DecodeBlock(out.data(), reinterpret_cast<const unsigned char*>(text.data()),
+                                      static_cast<int>(text.size())) < 0)
+    return std::nullopt;
+  out.resize(out.size() - padding);
   return out;
 }
 

@@ -62,15 +62,16 @@ TEST_P(Replay, DamagedCorpus) {
 INSTANTIATE_TEST_SUITE_P(Fuzz, Replay,
                          ::testing::Values(Target{"checkpoint", checkpoint}, Target{"colmap", colmap},
                                            Target{"colmap_points", colmap_points},
-                                           Target{"fit_checkpoint", fit_checkpoint},
+                                           Target{"fit_checkpoint", fit_checkpoint}, Target{"gltf_splats", gltf_splats},
                                            Target{"kernel_cache", kernel_cache}, Target{"model", model},
                                            Target{"pickle", pickle}, Target{"picture_bmp", picture_bmp},
                                            Target{"picture_exr", picture_exr}, Target{"picture_jpeg", picture_jpeg},
                                            Target{"picture_png", picture_png}, Target{"picture_tiff", picture_tiff},
                                            Target{"picture_webp", picture_webp}, Target{"ply", ply},
-                                           Target{"reader", reader}, Target{"selection", selection},
-                                           Target{"splat", splat}, Target{"spz", spz}, Target{"torch_file", torch_file},
-                                           Target{"train_config", train_config}, Target{"views_json", views_json}),
+                                           Target{"reader", reader}, Target{"selection", selection}, Target{"sog", sog},
+                                           Target{"sog_meta", sog_meta}, Target{"splat", splat}, Target{"spz", spz},
+                                           Target{"torch_file", torch_file}, Target{"train_config", train_config},
+                                           Target{"views_json", views_json}),
                          [](const auto& target) { return std::string(target.param.name); });
 
 }  // namespace

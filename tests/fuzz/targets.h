@@ -13,6 +13,10 @@ namespace vsplat::fuzz {
 void ply(std::string_view bytes);
 void splat(std::string_view bytes);
 void spz(std::string_view bytes);
+// Scenes as SOG: the archive, whose checksums stop most mutations, and its meta.json; and as glTF or GLB.
+void sog(std::string_view bytes);
+void sog_meta(std::string_view bytes);
+void gltf_splats(std::string_view bytes);
 // One target per format, selected by content: mutations in a single target would concentrate on the easiest formats.
 void picture_bmp(std::string_view bytes);
 void picture_exr(std::string_view bytes);

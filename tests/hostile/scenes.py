@@ -1,6 +1,13 @@
-"""Scenes in other formats than plain PLY: SPZ, .splat, PlayCanvas compressed PLY."""
+"""Scenes in other formats than plain PLY: SPZ, .splat, PlayCanvas compressed PLY, SOG, glTF."""
+import base64
 import gzip
+import io
+import json
+import pathlib
 import struct
+import zipfile
+
+GOLDEN = pathlib.Path(__file__).resolve().parent.parent / "golden"
 
 
 def spz_streams(count, degree=1, version=4):
@@ -100,7 +107,83 @@ def compressed_plys(maker):
     put("twice", made().replace(b"element vertex", b"element chunk 1\nproperty float min_x\nelement vertex"))
 
 
+def golden(folder, ending):
+    return (GOLDEN / folder / sorted(p.name for p in (GOLDEN / folder).iterdir() if p.name.endswith(ending))[0]).read_bytes()
+
+
+def sogs(maker):
+    choose, number = maker.random.choice, maker.random.randint
+    put = lambda kind, value: maker.file(f"sog/{kind}", "scene", maker.word() + ".sog", value)
+    sound = golden("sog", ".sog")
+    with zipfile.ZipFile(io.BytesIO(sound)) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    meta = json.loads(entries["meta.json"])
+
+    def zipped(files, how=zipfile.ZIP_STORED):
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w", how) as archive:
+            for name, content in files.items():
+                archive.writestr(name, content)
+        return out.getvalue()
+
+    def changed(change):
+        other = json.loads(json.dumps(meta))
+        change(other)
+        return zipped({**entries, "meta.json": json.dumps(other)})
+
+    put("cut", sound[:number(30, len(sound) - 1)])
+    put("count", changed(lambda m: m.update(count=number(2 ** 20, 2 ** 62))))
+    put("count_kind", changed(lambda m: m.update(count=choose((-1, 0, 1.5, "7", None, [7])))))
+    put("version", changed(lambda m: m.update(version=choose((0, 3, -1, "2", 2 ** 40)))))
+    for part in ("means", "scales", "quats", "sh0"):
+        put(f"no_{part}", changed(lambda m: m.pop(part)))
+        put(f"files_{part}", changed(lambda m: m[part].update(files=choose(([], ["../../etc/passwd"], ["gone.webp"] * 2, [7, 7], "x")))))
+    put("codebook", changed(lambda m: m["scales"].update(codebook=choose(([], [0.0] * 255, [1e400] * 256, ["x"] * 256)))))
+    put("bounds", changed(lambda m: m["means"].update(mins=choose(([0, 0], [1e400] * 3, [0, None, 0])))))
+    plane = choose([name for name in entries if name.endswith(".webp")])
+    put("no_plane", zipped({name: content for name, content in entries.items() if name != plane}))
+    put("bad_plane", zipped({**entries, plane: bytes(number(0, 255) for _ in range(number(0, 300)))}))
+    put("cut_plane", zipped({**entries, plane: entries[plane][:number(0, len(entries[plane]) - 1)]}))
+    put("meta_bomb", zipped({**entries, "meta.json": b" " * number(50_000_000, 80_000_000)}, zipfile.ZIP_DEFLATED))
+    put("meta_text", zipped({**entries, "meta.json": maker.escape().encode("utf-8", "surrogateescape") + b"{"}))
+
+
+def gltfs(maker):
+    choose, number = maker.random.choice, maker.random.randint
+    sound = golden("gltf", ".glb")
+    length = struct.unpack_from("<I", sound, 12)[0]
+    document, data = json.loads(sound[20:20 + length]), sound[20 + length + 8:]
+
+    def glb(text, chunk=data, version=2, size=None):
+        text += b" " * (-len(text) % 4)
+        body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(chunk), b"BIN\0") + chunk
+        return struct.pack("<4sII", b"glTF", version, 12 + len(body) if size is None else size) + body
+
+    def put(kind, change=lambda d: None, **how):
+        other = json.loads(json.dumps(document))
+        change(other)
+        maker.file(f"glb/{kind}", "scene", maker.word() + ".glb", glb(json.dumps(other).encode(), **how))
+        other["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(how.get("chunk", data)).decode()
+        maker.file(f"gltf/{kind}", "scene", maker.word() + ".gltf", json.dumps(other).encode())
+
+    maker.file("glb/cut", "scene", maker.word() + ".glb", sound[:number(13, len(sound) - 1)])
+    put("size", size=choose((0, 12, 2 ** 32 - 1)))
+    put("version", version=choose((0, 1, 3, 2 ** 31)))
+    put("cut_buffer", chunk=data[:number(0, len(data) - 1)])
+    put("count", lambda d: choose(d["accessors"]).update(count=choose((0, -1, 2 ** 31, 2 ** 62, "7", 1.5))))
+    put("offset", lambda d: choose(d["bufferViews"]).update(byteOffset=choose((-4, 1, 2 ** 31, 2 ** 62))))
+    put("stride", lambda d: choose(d["bufferViews"]).update(byteStride=choose((0, 3, 2 ** 31))))
+    put("kind", lambda d: choose(d["accessors"]).update(type=choose(("SCALAR", "MAT4", 7)), componentType=choose((5120, 5125, 7))))
+    put("index", lambda d: d["nodes"][0].update(mesh=choose((-1, 7, 2 ** 40, "x"))))
+    put("loop", lambda d: d["nodes"].append({"children": [len(d["nodes"])]}) or d["scenes"][0].update(nodes=[len(d["nodes"]) - 1]))
+    put("matrix", lambda d: d["nodes"][0].update(matrix=choose(([0] * 16, [1e400] * 16, [1] * 15, [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]))))
+    put("sparse", lambda d: d["accessors"][0].update(sparse={"count": 1}))
+    put("required", lambda d: d.update(extensionsRequired=[maker.word()]))
+
+
 def make(maker):
     spzs(maker)
     splats(maker)
     compressed_plys(maker)
+    sogs(maker)
+    gltfs(maker)

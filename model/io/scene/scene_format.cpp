@@ -9,7 +9,9 @@
 #include "model/io/any_case.h"
 #include "model/io/foreign_file.h"
 #include "model/io/scene/compressed_ply.h"
+#include "model/io/scene/gltf_splats.h"
 #include "model/io/scene/ply.h"
+#include "model/io/scene/sog.h"
 #include "model/io/scene/splat_file.h"
 #include "model/io/scene/spz.h"
 #include "model/io/scene/written_gaussians.h"
@@ -29,7 +31,41 @@ bool is_ply(std::span<const std::byte> beginning) {
   return text.starts_with("ply\n") || text.starts_with("ply\r");
 }
 
+bool is_json(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+  return first != text.npos && text[first] == '{';
+}
+
+bool is_sog_meta(std::string_view text) {
+  return is_json(text) && text.find("\"means\"") != text.npos && text.find("\"quats\"") != text.npos;
+}
+
+// A zip's first entry is one of SOG's: other zip archives are models, or arrays.
+bool is_sog(std::span<const std::byte> beginning) {
+  constexpr std::size_t at_length = 26, at_name = 30;
+  const std::string_view text = text_of(beginning);
+  if (is_sog_meta(text)) return true;
+  if (!text.starts_with("PK\x03\x04") || text.size() < at_name) return false;
+  const std::size_t length = static_cast<unsigned char>(text[at_length]) |
+                             static_cast<std::size_t>(static_cast<unsigned char>(text[at_length + 1])) << 8;
+  const std::string_view entry = text.substr(at_name, length);
+  return entry.ends_with("meta.json") || entry.ends_with(".webp");
+}
+
+bool is_gltf(std::span<const std::byte> beginning) {
+  const std::string_view text = text_of(beginning);
+  return is_json(text) && (text.find("\"asset\"") != text.npos || text.find("KHR_gaussian_splatting") != text.npos);
+}
+
+Scene read_sog_path(const std::string& path, SkippedGaussians* skipped) {
+  const std::vector<unsigned char> content = read_file(path);
+  const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
+  return is_json(text) ? read_sog_folder(path, skipped)
+                       : read_sog(path, std::as_bytes(std::span(content)), skipped);
+}
+
 constexpr SceneFieldsKept kAllFields{true, true, true, true, true, true, true};
+constexpr SceneFieldsKept kAllOfVolumes{false, true, true, true, true, true, true};
 
 // The first format that recognises a file's content reads it.
 const std::array kSceneTable = {
@@ -79,6 +115,47 @@ const std::array kSceneTable = {
                             const SceneWriteOptions& options) { write_spz(path, scene, options.spz_version); },
                 .rounding = [](const Scene& scene,
                                const SceneWriteOptions& options) { return spz_rounding(scene, options.spz_version); }},
+    SceneFormat{.name = "sog",
+                .title = "SOG",
+                .endings = ".sog",
+                .sh_read = 3,
+                .sh_written = 3,
+                .kept = kAllOfVolumes,
+                .lost = "more than 16 bits a position and 8 bits any other value; coefficients above degree 0 but for "
+                        "those of a palette; the order; surfels",
+                .opened_by = "PlayCanvas, SuperSplat, Spark, splat-transform",
+                .recognises = is_sog,
+                .read = read_sog,
+                .read_path = read_sog_path,
+                .write = [](const std::string& path, const Scene& scene,
+                            const SceneWriteOptions&) { write_sog(path, scene); },
+                .rounding = [](const Scene& scene, const SceneWriteOptions&) { return sog_rounding(scene); }},
+    SceneFormat{.name = "glb",
+                .title = "GLB with KHR_gaussian_splatting",
+                .endings = ".glb",
+                .sh_read = 3,
+                .sh_written = 3,
+                .lossless = true,
+                .kept = kAllOfVolumes,
+                .lost = "surfels",
+                .opened_by = "programs that know the extension",
+                .recognises = is_glb,
+                .read = read_gltf_scene,
+                .write = [](const std::string& path, const Scene& scene,
+                            const SceneWriteOptions&) { write_glb_scene(path, scene); }},
+    SceneFormat{.name = "gltf",
+                .title = "glTF with KHR_gaussian_splatting",
+                .endings = ".gltf",
+                .sh_read = 3,
+                .sh_written = 3,
+                .lossless = true,
+                .kept = kAllOfVolumes,
+                .lost = "surfels",
+                .opened_by = "programs that know the extension",
+                .recognises = is_gltf,
+                .read = read_gltf_scene,
+                .write = [](const std::string& path, const Scene& scene,
+                            const SceneWriteOptions&) { write_gltf_scene(path, scene); }},
     // It has no signature, so that it comes last.
     SceneFormat{.name = "splat",
                 .title = ".splat",

@@ -17,5 +17,17 @@ TEST(Base64, IsThatOfTheStandard) {  // RFC 4648, section 10, and digits 62 and 
   EXPECT_EQ(of("\xfb\xff\xbf"), "+/+/");
 }
 
+TEST(Base64, ComesBackAndRefusesDamage) {
+  for (std::size_t n = 0; n < 7; ++n) {
+    std::vector<unsigned char> bytes;
+    for (std::size_t i = 0; i < n; ++i) bytes.push_back(static_cast<unsigned char>(251 * (i + 1)));
+    const auto back = from_base64(base64(bytes));
+    ASSERT_TRUE(back) << n;
+    EXPECT_EQ(*back, bytes);
+  }
+  for (const char* bad : {"A", "AAA", "AAAAA", "AA=A", "A===", "AA\nA", " AAA", "AAA\x80"})
+    EXPECT_FALSE(from_base64(bad)) << bad;
+}
+
 }  // namespace
 }  // namespace vsplat

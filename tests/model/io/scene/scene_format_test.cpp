@@ -164,6 +164,55 @@ TEST_F(SceneFormats, CompressedPlyOfEachDegree) {
   }
 }
 
+TEST_F(SceneFormats, SogKeepsWhatItsPlanesHold) {
+  for (int degree = 0; degree <= 3; ++degree) {
+    Scene scene = random_scene(200, degree);
+    scene.near = 0.05f;
+    scene.up = {0, -1, 0};
+    scene.antialias = true;
+    const Scene again = there_and_back("a.sog", scene);
+    EXPECT_EQ(again.gaussians.sh_degree, degree);
+    EXPECT_EQ(again.near, 0.05f);
+    EXPECT_EQ(again.up, scene.up);
+    EXPECT_TRUE(again.antialias);
+    // 200 Gaussians have 600 scales and colours for 256 entries; each has a vector of its own in the palette.
+    expect_close(again.gaussians, scene.gaussians, {2e-5, 0.05, 0.004, 1 / 509.0, 0.02, 0.02});
+  }
+}
+
+TEST_F(SceneFormats, GltfKeepsEveryBit) {
+  for (const char* name : {"a.glb", "a.gltf"})
+    for (int degree = 0; degree <= 3; ++degree) {
+      Scene scene = random_scene(20, degree);
+      scene.up = {0, -1, 0};
+      scene.antialias = degree == 2;
+      const Scene again = there_and_back(name, scene);
+      const Gaussians &a = again.gaussians, &b = scene.gaussians;
+      EXPECT_EQ(a.means, b.means);
+      EXPECT_EQ(a.scales, b.scales);
+      EXPECT_EQ(a.opacities, b.opacities);
+      EXPECT_EQ(a.sh, b.sh);
+      EXPECT_EQ(again.up, scene.up);
+      EXPECT_EQ(again.antialias, scene.antialias);
+      EXPECT_TRUE(losses(scene_format(std::string_view(name).substr(2)), scene).empty());
+    }
+}
+
+TEST_F(SceneFormats, AreNotOtherFilesOfTheSameContainers) {
+  const struct {
+    const char* name;
+    std::string bytes;
+    std::vector<std::string> words;
+  } all[] = {{"a.ckpt", std::string("PK\x03\x04") + std::string(26, 'x') + "archive/data.pkl", {"PyTorch"}},
+             {"a.zip", std::string("PK\x03\x04") + std::string(26, 'x') + "scene.ply", {"zip archive"}},
+             {"transforms.json", R"({"frames":[]})", {"list of cameras"}},
+             {"a.gltf", R"({"asset":{"version":"2.0"}})", {"KHR_gaussian_splatting", "a mesh"}}};
+  for (const auto& one : all) {
+    test::put_file(folder_ / one.name, one.bytes);
+    test::expect_error(Status::format, one.words, [&] { read_scene(folder_ / one.name); });
+  }
+}
+
 TEST_F(SceneFormats, WriteTheSameBytesEachTime) {
   const Scene scene = random_scene(3000, 3);
   for (const SceneFormat& format : scene_formats()) {
@@ -181,7 +230,7 @@ TEST_F(SceneFormats, WriteTheSameBytesEachTime) {
 
 TEST_F(SceneFormats, OfSurfelsAreFlatVolumes) {
   const Scene scene = random_scene(30, 1, GaussianKind::surfel);
-  for (const char* name : {"a.spz", "a.splat", "a.compressed.ply"}) {
+  for (const char* name : {"a.spz", "a.splat", "a.compressed.ply", "a.sog", "a.glb", "a.gltf"}) {
     const Scene again = there_and_back(name, scene);
     EXPECT_EQ(again.gaussians.kind, GaussianKind::volume);
     const std::size_t i = nearest(again.gaussians, scene.gaussians, 0);
@@ -226,7 +275,7 @@ TEST_F(SceneFormats, RefuseUnknownEndings) {
 
 TEST_F(SceneFormats, AreKnownByContentAndNotByName) {
   const Scene scene = random_scene(300, 1);
-  for (const char* name : {"a.ply", "a.compressed.ply", "a.spz", "a.splat"}) {
+  for (const char* name : {"a.ply", "a.compressed.ply", "a.spz", "a.splat", "a.sog", "a.glb", "a.gltf"}) {
     write_scene(folder_ / name, scene);
     const std::string bytes = test::contents_of(folder_ / name);
     for (const char* other : {"x.ply", "x.spz", "x.splat", "x.png", "x"}) {
@@ -261,7 +310,7 @@ TEST_F(SceneFormats, AreInTheDocuments) {
 }
 
 TEST_F(SceneFormats, AreNotWrittenWithValuesThatCannotBeDrawn) {
-  for (const char* name : {"a.spz", "a.splat", "a.compressed.ply", "a.ply"}) {
+  for (const char* name : {"a.spz", "a.splat", "a.compressed.ply", "a.sog", "a.glb", "a.gltf", "a.ply"}) {
     Scene scene = random_scene(5, 1);
     test::put_file(folder_ / name, "kept");
     scene.gaussians.means[7] = NAN;
@@ -274,7 +323,7 @@ TEST_F(SceneFormats, AreNotWrittenWithValuesThatCannotBeDrawn) {
     EXPECT_EQ(folder_.entries().size(), 1u) << "no temporary file stays";
     std::filesystem::remove(folder_ / name);
   }
-  for (const char* name : {"a.spz", "a.splat", "a.compressed.ply"})
+  for (const char* name : {"a.spz", "a.splat", "a.compressed.ply", "a.sog", "a.glb", "a.gltf"})
     test::expect_error(Status::input, {"without Gaussians"}, [&] { write_scene(folder_ / name, Scene()); });
 }
 
