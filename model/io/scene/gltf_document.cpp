@@ -32,7 +32,7 @@ std::uint32_t word_at(std::span<const std::byte> bytes, std::size_t at) {
   return out;
 }
 
-std::string text_of(std::span<const std::byte> bytes) {
+std::string characters_of(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
@@ -183,7 +183,7 @@ GltfDocument::GltfDocument(std::string name, std::span<const std::byte> content)
   if (is_glb(content))
     split_glb(content);
   else
-    json_ = parse_json(name_, text_of(content));
+    json_ = parse_json(name_, characters_of(content));
   if (!json_.is_object()) fail(Status::format, "{}: no glTF file: an object is expected", name_);
   const std::string version = root()["asset"]["version"].text("");
   if (version.rfind("2.", 0) != 0)
@@ -209,7 +209,7 @@ void GltfDocument::split_glb(std::span<const std::byte> content) {
     const std::span<const std::byte> chunk = content.subspan(at + kGlbChunkHeader, bytes);
     if (!has_json && kind != kJsonChunk) fail(Status::format, "{}: the first chunk (byte {}) is no JSON", name_, at);
     if (!has_json) {
-      json_ = parse_json(name_, text_of(chunk));
+      json_ = parse_json(name_, characters_of(chunk));
       has_json = true;
     } else if (kind == kBinaryChunk && !has_chunk_) {
       chunk_ = chunk;
