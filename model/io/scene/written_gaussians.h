@@ -17,7 +17,10 @@ inline constexpr double kWrittenThickness = 0.01;
 const Gaussians& volumes_to_write(const std::string& path, const Gaussians& given, Gaussians& made);
 
 // The nearest of 0 to 255.
-inline std::uint8_t to_byte(double value) { return static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0) + 0.5); }
+inline std::uint8_t to_byte(double value) {
+  // lround would take several times as long; the value is not negative.
+  return static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0) + 0.5);  // NOLINT(bugprone-incorrect-roundings)
+}
 
 // A quaternion w x y z of length 1; 1 0 0 0 for one of length 0.
 struct UnitQuaternion {
