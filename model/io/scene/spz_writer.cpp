@@ -65,7 +65,7 @@ void put_rotation(const float* quat, const SpzFlips& flips, int version, std::ui
 
 std::uint8_t sh_byte(float value) {
   const double bucket = std::clamp(value * kSpzShSteps + kSpzShSteps, 0.0, 255.0) / kShBucket;
-  return to_byte(kShBucket * static_cast<int>(bucket + 0.5));
+  return to_byte(kShBucket * static_cast<int>(bucket + 0.5));  // NOLINT(bugprone-incorrect-roundings): as to_byte()
 }
 
 // Packs the Gaussians from `begin` up to `end`.
