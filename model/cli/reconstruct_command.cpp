@@ -357,7 +357,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")
       ->group(placement_group);
-  add_viewer_option(*sub, o->viewer, "");
+  add_viewer_option(*sub, o->viewer, "Pictures");
   add_picture_options(*sub, o->pictures, "--render");
   add_fit_after(*sub, *o);
   add_extras(*sub, *o);

@@ -18,7 +18,7 @@
 namespace vsplat {
 namespace {
 
-std::string_view characters_of(std::span<const std::byte> bytes) {
+std::string_view letters_of(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
@@ -78,7 +78,7 @@ SceneFileFacts facts_of_scene_file(const std::string& path) {
     const auto file = open_regular(path);
     bytes.resize(std::fread(bytes.data(), 1, bytes.size(), file.get()));
   }
-  const std::string_view beginning = characters_of(bytes);
+  const std::string_view beginning = letters_of(bytes);
   out.format = &read_format(path, bytes);
   // A compressed PLY begins as every PLY does.
   const std::string_view header = beginning.substr(0, beginning.find("end_header"));
