@@ -140,6 +140,8 @@ std::string build_log(const cl::Program& program, const cl::Device& device) {
 
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines, bool from_source) {
   std::string options = build_options(defines);
+  // PoCL's compiler counts its warnings on stderr, such as those about vectors that are wider than a CPU's registers.
+  if (info_.is_pocl) options += " -w";
   if (info_.sub_group >= 0) options += " -DSUB_GROUP=" + std::to_string(info_.sub_group);
   std::string source = expanded_source(file);
   // If the device has no fp64, possibly only by VSPLAT_LIMITS, its compiler must reject doubles, too.

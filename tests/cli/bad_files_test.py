@@ -67,7 +67,7 @@ READ = [
     ("bench --scenes", "", ("bench", "render", "--seconds", "0.01", "--scenes", "{bad}", *SMALL), ()),
     ("bench --model", ".safetensors", ("bench", "train", "--seconds", "0.01", "--model", "{bad}", *SMALL), ("model",)),
     ("bench --cameras", ".json", ("bench", "train", "--seconds", "0.01", "--model", "{model}", "--cameras", "{bad}", *SMALL), ()),
-    ("bench --selection", ".txt", ("bench", "train", "--seconds", "0.01", "--model", "{model}", "--selection", "{bad}", *SMALL), ()),
+    ("bench --selection", ".txt", ("bench", "train", "--seconds", "0.01", "--model", "{model}", "--selection", "{bad}", *SMALL), ("empty",)),
     ("profile diff BEFORE.json", ".json", ("profile", "diff", "{bad}", "{profile}"), ()),
     ("profile diff AFTER.json", ".json", ("profile", "diff", "{profile}", "{bad}"), ()),
     ("dataset render MESH", ".obj", ("dataset", "render", "{bad}", "--views", "1", "--size", "16", "--output", "{out}/set"), ()),
@@ -109,7 +109,8 @@ WRITTEN = [
     *((f"render {option}", ending, (*RENDER, "--cameras", "orbit:1", option, "{bad}", *more)) for option, ending, more in (
         ("--images", "/", ()), ("--sheet", ".png", ()), ("--turntable", ".webp", ()), ("--write-cameras", ".json", ("--images", "{out}/x")))),
     ("render --differences", "/", (*RENDER, "--cameras", "{object}", "--compare", "{object}/images", "--differences", "{bad}")),
-    ("render --viewer", ".html", (*RENDER, "--viewer", "{bad}")),
+    ("render --viewer", ".html", ("render", "{scene}", *SMALL, "--viewer", "{bad}")),
+    ("reconstruct --viewer", ".html", (*RECONSTRUCT, "--viewer", "{bad}")),
     ("fit --viewer", ".html", (*FIT, "--start", "{scene}", "--viewer", "{bad}")),
     ("convert --output", ".ply", ("convert", "{surfels}", "--surfels-to-gaussians", "0.1", "--output", "{bad}")),
     ("init --output", ".safetensors", ("init", "micro", "--seed", "1", "--output", "{bad}")),

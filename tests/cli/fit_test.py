@@ -354,7 +354,7 @@ class Fit(fit_case.FitCase):
         self.refuses(2, ["--invert-masks", "none of the 5"], *self.fit("--invert-masks"))
         self.refuses(2, "--output", "fit", self.photos, "--start", self.ball)
         self.refuses(1, "nowhere.ply", *self.fit(start=self.path("nowhere.ply")))
-        self.refuses(2, ["--output", ".ply"], *self.fit(output="out.splat"))
+        self.refuses(2, ["--output", ".ply", ".spz"], *self.fit(output="out.obj"))
         self.refuses(2, ["--holdout nobody", "no such view"], *self.fit("--holdout", "nobody"))
         self.refuses(2, ["--views nobody", "no such view"], *self.fit("--views", "@0,nobody"))
         self.refuses(2, "every view is held out", *self.fit("--holdout", "@0,@1,@2,@3,@4"))

@@ -73,7 +73,7 @@ class Profile(support.Case):
             kinds = {row["kind"] for row in profile["host"]}
             self.assertLessEqual({"host", "file", "compile", "upload"}, kinds)
             names = {row["name"] for row in profile["host"]}
-            self.assertLessEqual({"views load with", "model load", "reconstruct", "render", "scene save", "read"}, names)
+            self.assertLessEqual({"views load with", "model load", "reconstruct", "render", "scene save with", "read"}, names)
             self.assertEqual(profile["run"], {"command": "reconstruct", "model": self.model, "scene": self.views})
             firsts = [kernel for kernel in profile["kernels"] if kernel["first_calls"]]
             self.assertTrue(firsts)
