@@ -74,8 +74,8 @@ double position_error(const Gaussians& read, const Gaussians& written) {
 }
 
 double bytes_of(const Gaussians& g) {
-  return static_cast<double>(
-      sizeof(float) * (g.means.size() + g.scales.size() + g.quats.size() + g.opacities.size() + g.sh.size()));
+  return static_cast<double>(sizeof(float) *
+                             (g.means.size() + g.scales.size() + g.quats.size() + g.opacities.size() + g.sh.size()));
 }
 
 Prepared prepare(const SceneFormat& format, const std::string& name, bool writes) {

@@ -60,8 +60,7 @@ bool is_gltf(std::span<const std::byte> beginning) {
 Scene read_sog_path(const std::string& path, SkippedGaussians* skipped) {
   const std::vector<unsigned char> content = read_file(path);
   const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
-  return is_json(text) ? read_sog_folder(path, skipped)
-                       : read_sog(path, std::as_bytes(std::span(content)), skipped);
+  return is_json(text) ? read_sog_folder(path, skipped) : read_sog(path, std::as_bytes(std::span(content)), skipped);
 }
 
 constexpr SceneFieldsKept kAllFields{true, true, true, true, true, true, true};
@@ -115,21 +114,21 @@ const std::array kSceneTable = {
                             const SceneWriteOptions& options) { write_spz(path, scene, options.spz_version); },
                 .rounding = [](const Scene& scene,
                                const SceneWriteOptions& options) { return spz_rounding(scene, options.spz_version); }},
-    SceneFormat{.name = "sog",
-                .title = "SOG",
-                .endings = ".sog",
-                .sh_read = 3,
-                .sh_written = 3,
-                .kept = kAllOfVolumes,
-                .lost = "more than 16 bits a position and 8 bits any other value; coefficients above degree 0 but for "
-                        "those of a palette; the order; surfels",
-                .opened_by = "PlayCanvas, SuperSplat, Spark, splat-transform",
-                .recognises = is_sog,
-                .read = read_sog,
-                .read_path = read_sog_path,
-                .write = [](const std::string& path, const Scene& scene,
-                            const SceneWriteOptions&) { write_sog(path, scene); },
-                .rounding = [](const Scene& scene, const SceneWriteOptions&) { return sog_rounding(scene); }},
+    SceneFormat{
+        .name = "sog",
+        .title = "SOG",
+        .endings = ".sog",
+        .sh_read = 3,
+        .sh_written = 3,
+        .kept = kAllOfVolumes,
+        .lost = "more than 16 bits a position and 8 bits any other value; coefficients above degree 0 but for "
+                "those of a palette; the order; surfels",
+        .opened_by = "PlayCanvas, SuperSplat, Spark, splat-transform",
+        .recognises = is_sog,
+        .read = read_sog,
+        .read_path = read_sog_path,
+        .write = [](const std::string& path, const Scene& scene, const SceneWriteOptions&) { write_sog(path, scene); },
+        .rounding = [](const Scene& scene, const SceneWriteOptions&) { return sog_rounding(scene); }},
     SceneFormat{.name = "glb",
                 .title = "GLB with KHR_gaussian_splatting",
                 .endings = ".glb",
