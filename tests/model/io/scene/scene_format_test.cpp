@@ -176,8 +176,8 @@ TEST_F(SceneFormats, SogKeepsWhatItsPlanesHold) {
     EXPECT_EQ(again.up, scene.up);
     EXPECT_TRUE(again.antialias);
     // Positions: half of 2 ln 2 / 65535, times e^L, at most 2. Rotations: half of sqrt(2) / 255 in three parts, which
-    // add up in the fourth, the largest. 200 Gaussians have 600 scales and colours for 256 entries, and each a vector of
-    // its own in the palette.
+    // add up in the fourth, the largest. 200 Gaussians have 600 scales and colours for 256 entries; each has a vector
+    // of its own in the palette.
     expect_close(again.gaussians, scene.gaussians, {2.2e-5, 0.05, 0.0084, 1 / 509.0, 0.02, 0.02});
   }
 }
