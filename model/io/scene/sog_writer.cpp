@@ -27,7 +27,8 @@ using nlohmann::json;
 
 constexpr std::size_t kPaletteRow = 64;    // vectors in a row of the palette's plane
 constexpr double kLogarithmOfZero = -110;  // its exponential is 0 as a float
-constexpr std::size_t kMostWritten = std::size_t{kWidestPlane / 4 * 4} * (kWidestPlane / 4 * 4);
+constexpr int kWidestWritten = kWidestPlane / 4 * 4;
+constexpr std::size_t kMostWritten = std::size_t{kWidestWritten} * kWidestWritten;
 
 // sign(x) log(1 + |x|), in which positions have even steps.
 double log_position(float x) { return std::copysign(std::log1p(std::abs(static_cast<double>(x))), x); }
@@ -62,7 +63,7 @@ class SogPlanes {
   explicit SogPlanes(const Gaussians& g) : g_(g), range_(g), sh_count_(g.sh_count()) {
     // A multiple of 4, as other writers choose it.
     const double side = std::ceil(std::sqrt(static_cast<double>(g.count)) / 4) * 4;
-    width_ = static_cast<int>(std::min<double>(side, kWidestPlane / 4 * 4));
+    width_ = static_cast<int>(std::min(side, double{kWidestWritten}));
     const std::size_t rows = (g.count + static_cast<std::size_t>(width_) - 1) / static_cast<std::size_t>(width_);
     height_ = static_cast<int>((rows + 3) / 4 * 4);
     std::vector<std::array<std::uint16_t, 3>> steps(g.count);
