@@ -266,6 +266,7 @@ std::string pack_zstd(const SpzContainer& spz) {
   put_number(out, static_cast<std::uint32_t>(kSpzHeader));
   out.resize(kSpzHeader, '\0');
   std::vector<std::string> packed;
+  packed.reserve(running.size());
   for (std::future<std::string>& each : running) packed.push_back(each.get());
   std::size_t i = 0;
   for (const std::vector<std::uint8_t>& stream : spz.streams) {
