@@ -274,8 +274,9 @@ void jobs_end_with_what_they_made(const Setting& with) {
 // A scene of `count` Gaussians side by side, of which the middle one is at `middle` x.
 Scene in_a_row(size_t count, float middle) {
   Gaussians g(count, 0);
+  const size_t before = count / 2;
   for (size_t k = 0; k < count; ++k) {
-    g.means[3 * k] = middle + 0.25f * (static_cast<float>(k) - static_cast<float>(count / 2));
+    g.means[3 * k] = middle + 0.25f * (static_cast<float>(k) - static_cast<float>(before));
     g.rotations[4 * k] = 1;
     g.opacities[k] = 0.9f;
     for (size_t c = 0; c < 3; ++c) g.scales[3 * k + c] = c == 1 ? 0.02f : 0.05f, g.sh[3 * k + c] = 1;
