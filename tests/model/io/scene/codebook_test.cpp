@@ -32,6 +32,7 @@ std::vector<float> normal_numbers(std::size_t count, unsigned seed) {
 
 TEST(Codebook, KeepsFewNumbersExactly) {
   std::vector<float> numbers;
+  numbers.reserve(1000);
   for (int i = 0; i < 1000; ++i) numbers.push_back(static_cast<float>(std::sqrt(i % 256)));
   EXPECT_EQ(error_of(Codebook(numbers), numbers), 0);
   const Codebook one({3, 3});
