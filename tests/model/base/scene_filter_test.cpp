@@ -83,6 +83,7 @@ TEST(SceneFilter, FloatersAreAloneAndSmall) {
   std::mt19937 engine(4);
   std::normal_distribution<float> normal;
   std::vector<Spot> spots;
+  spots.reserve(2000 + 3 + 60);
   for (int i = 0; i < 2000; ++i)
     spots.push_back({{0.1f * normal(engine), 0.1f * normal(engine), 0.1f * normal(engine)}});
   for (Spot& s : spots)  // no strays among them
