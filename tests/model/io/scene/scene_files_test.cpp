@@ -19,7 +19,7 @@ struct Expected {
     count = static_cast<std::size_t>(whole());
     degree = whole();
     antialias = whole();
-    functions = static_cast<std::size_t>((degree + 1) * (degree + 1));
+    functions = static_cast<std::size_t>(degree + 1) * static_cast<std::size_t>(degree + 1);
     means = floats(3);
     scales = floats(3);
     quats = floats(4);
