@@ -20,6 +20,7 @@ TEST(Base64, IsThatOfTheStandard) {  // RFC 4648, section 10, and digits 62 and 
 TEST(Base64, ComesBackAndRefusesDamage) {
   for (std::size_t n = 0; n < 7; ++n) {
     std::vector<unsigned char> bytes;
+    bytes.reserve(n);
     for (std::size_t i = 0; i < n; ++i) bytes.push_back(static_cast<unsigned char>(251 * (i + 1)));
     const auto back = from_base64(base64(bytes));
     ASSERT_TRUE(back) << n;
