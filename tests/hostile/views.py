@@ -56,7 +56,7 @@ def lists(maker):
     copy.data["aabb_center"] = offset
     copy.save()
     copy = Copy(maker, "views/many")
-    copy.data["frames"] = copy.data["frames"][:1] * maker.random.randint(3000, 6000)
+    copy.data["frames"] = copy.data["frames"][:1] * (maker.random.randint(3000, 6000) // 3)
     copy.save()
     Copy(maker, "views/long_name").first(file_path="images/" + "a" * maker.random.randint(5000, 3_000_000))
     copy = Copy(maker, "views/no_utf8")
