@@ -27,12 +27,13 @@ std::optional<std::vector<unsigned char>> from_base64(std::string_view text) {
   const bool plain = std::all_of(text.begin(), text.end() - static_cast<std::ptrdiff_t>(padding), [](unsigned char c) {
     return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '+' || c == '/';
   });
-  if (!plain || text.size() % 4 != 0 || text.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
-    return std::nullopt;
+  if (!plain || text.size() % 4 != 0) return std::nullopt;
   std::vector<unsigned char> out(text.size() / 4 * 3);
-  if (!out.empty() && EVP_DecodeBlock(out.data(), reinterpret_cast<const unsigned char*>(text.data()),
-                                      static_cast<int>(text.size())) < 0)
-    return std::nullopt;
+  constexpr std::size_t piece = std::size_t{4} << 20;  // libcrypto counts with ints
+  for (std::size_t at = 0; at < text.size(); at += piece)
+    if (EVP_DecodeBlock(&out[at / 4 * 3], reinterpret_cast<const unsigned char*>(text.data()) + at,
+                        static_cast<int>(std::min(piece, text.size() - at))) < 0)
+      return std::nullopt;
   out.resize(out.size() - padding);
   return out;
 }
