@@ -61,8 +61,8 @@ vsplat_status vsplat_scene_save_with(vsplat_scene scene, const char* path, const
     need(path, "path");
     const Saving how = saving_of(options, written_format, path);
     const std::shared_ptr<const Scene> now = scene->now();
-    write_offset_file(path, *now);
     how.format->write(path, *now, how.options);
+    write_offset_file(path, *now);  // an older scene that stays keeps its own
   });
 }
 

@@ -118,8 +118,9 @@ SceneDifference difference(const Scene& a, const Scene& b) {
     moved += pair.apart(i, i) / static_cast<double>(count);
   }
   std::vector<std::size_t> other;
-  out.in_order = moved <= 0.01 * spread;
-  if (!out.in_order) other = matched(pair, count, spread / std::cbrt(static_cast<double>(count)));
+  out.in_order = count == 1 || moved <= 0.01 * spread;
+  const double unit = spread > 0 ? spread / std::cbrt(static_cast<double>(count)) : 1;
+  if (!out.in_order) other = matched(pair, count, unit);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t j = out.in_order ? i : other[i];
     add(out.means, pair.apart(i, j));

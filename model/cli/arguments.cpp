@@ -212,11 +212,17 @@ std::vector<std::string> list(const std::string& option, const std::string& text
   return parts;
 }
 
+bool is_set(const double (&three)[3]) { return three[0] != 0 || three[1] != 0 || three[2] != 0; }
+
+std::string lower_case(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
 void need_ending(const std::string& option, const std::string& path, const std::string& ending,
                  const std::string& reason) {
   if (path.empty()) return;
-  std::string found = std::filesystem::path(path).extension();
-  for (char& c : found) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string found = lower_case(std::filesystem::path(path).extension());
   if (found != ending)
     throw UsageError(option + " is \"" + path + "\": a name that ends in " + ending + " expected" +
                      (reason.empty() ? "" : "; " + reason));

@@ -29,6 +29,9 @@ std::uint64_t samples(const std::string& option, const std::string& text);  // "
                                                                             // given
 Size picture_size(const std::string& option, const std::string& text);      // "640x480"
 
+bool is_set(const double (&three)[3]);  // whether one of them is not 0
+std::string lower_case(std::string text);
+
 // Splits "a,b,c"; no part may be empty.
 std::vector<std::string> list(const std::string& option, const std::string& text);
 

@@ -19,7 +19,8 @@ struct ConvertOptions {
   Common common;
   ChangeOptions changes;
   std::vector<std::string> paths;  // the inputs, and the output if `output` is empty
-  std::string output, spz_version, viewer;
+  std::string output, viewer;
+  int32_t spz_version = 0;          // 0: the newest
   std::optional<double> thickness;  // surfels get this third scale
   std::string verify;               // "", "true" without a value, or the least PSNR
   bool skip_bad = false;
@@ -27,13 +28,14 @@ struct ConvertOptions {
 
 // Splits the paths into inputs and output.
 void name_output(ConvertOptions& o) {
+  const std::string option = o.output.empty() ? "OUT" : "--output";
   if (o.output.empty()) {
     if (o.paths.size() < 2)
       throw UsageError("convert needs the scene to write, after those to read: vsplat convert IN... OUT");
     o.output = o.paths.back();
     o.paths.pop_back();
   }
-  if (!is_page(o.output)) need_scene_ending("OUT", o.output);
+  need_scene_ending(option, o.output, true);
 }
 
 // The limit of --verify; nothing if it was not given.
@@ -47,11 +49,9 @@ std::optional<double> least_psnr(const std::string& verify) {
 
 // All inputs in one scene.
 vsplat::Scene merged(const ConvertOptions& o) {
-  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
-  options.skip_bad = o.skip_bad;
   std::optional<vsplat::Scene> out;
   for (const std::string& path : o.paths) {
-    vsplat::Scene scene = vsplat::Scene::load(path, options);
+    vsplat::Scene scene = load_scene(path, o.skip_bad);
     if (o.thickness) {
       if (!scene.info().surfels)
         throw UsageError(path + ": its Gaussians have three scales each already; a scene of surfels is expected");
@@ -81,20 +81,15 @@ void keep_visible(Session& session, vsplat::Scene& scene, uint64_t most) {
   clear_progress();
 }
 
-// The bytes of the file, read back and compared with the scene; std::runtime_error if they are too far off.
-std::vector<unsigned char> verified_bytes(const ConvertOptions& o, Session& session, const vsplat::Scene& original,
-                                          const vsplat::Scene& scene, const vsplat_scene_save_options& saving,
-                                          double least, std::optional<SceneCheck>& check) {
-  std::vector<unsigned char> out = scene.save_memory(saving);
-  check.emplace(session, original, scene, vsplat::Scene::load(out));
-  if (!(check->psnr() >= least)) {
+// Says how much the file differs; std::runtime_error if that is too much.
+void need_alike(const ConvertOptions& o, const SceneCheck& check, double least) {
+  if (!(check.psnr() >= least)) {
     char limit[32];
     std::snprintf(limit, sizeof limit, "%.4g dB", least);
-    throw std::runtime_error(o.output + " is not written, since it differs too much: at least " + limit +
-                             " expected, found " + check->text());
+    throw std::runtime_error(o.output + " is not written: a PSNR of at least " + limit + " is required. " +
+                             check.text());
   }
-  say(o.common, o.output + ": " + check->text());
-  return out;
+  say(o.common, o.output + ": " + check.text());
 }
 
 void convert(ConvertOptions o) {
@@ -102,13 +97,17 @@ void convert(ConvertOptions o) {
   SceneChanges changes(o.changes);
   const std::optional<double> least = least_psnr(o.verify);
   vsplat_scene_save_options saving = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
-  if (!o.spz_version.empty()) saving.spz_version = static_cast<int32_t>(number("--spz-version", o.spz_version));
 
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : o.paths) outputs.input(path);
   SceneFile file(outputs, o.output);
   PageFile page(outputs, o.output, o.viewer, {});
+  const std::string format = is_page(o.output) ? "spz" : file.format();  // a page holds an SPZ file
+  if (o.spz_version && file.format() != "spz")
+    throw UsageError("--spz-version applies to SPZ files: " + o.output + " is none");
+  saving.format = format.c_str();
+  saving.spz_version = is_page(o.output) ? page_spz_version : o.spz_version;
   vsplat::Scene scene = merged(o);
   changes.apply(o.common, scene);
   const uint64_t before = scene.info().count;
@@ -122,12 +121,14 @@ void convert(ConvertOptions o) {
   const vsplat_scene_info info = scene.info();
   if (info.count < before)
     say(o.common, std::to_string(before - info.count) + " of " + std::to_string(before) +
-                      " Gaussians are left out as the least visible");
-  const std::string format = is_page(o.output) ? "spz" : file.format();  // a page holds an SPZ file
-  saving.format = format.c_str();
+                      " Gaussians are removed, the least visible ones");
   std::optional<SceneCheck> check;
   std::vector<unsigned char> bytes;
-  if (least) bytes = verified_bytes(o, *session, original, scene, saving, *least, check);
+  if (least) {
+    bytes = scene.save_memory(saving);
+    check.emplace(*session, original, scene, vsplat::Scene::load(bytes));
+    need_alike(o, *check, *least);
+  }
   file.save(o.common, scene, saving, least ? &bytes : nullptr);
   page.save(o.common, {{"scene", scene}});
   outputs.commit();
@@ -150,41 +151,41 @@ void convert(ConvertOptions o) {
 
 void add_scene_convert(CLI::App& app, Run& run) {
   auto o = std::make_shared<ConvertOptions>();
-  CLI::App* sub = app.add_subcommand(
-      "convert", "Write scenes in another format, along other axes, cropped, reduced or merged, and check the result");
-  sub->add_option("scenes", o->paths, "The scenes to read, several become one; then the scene to write")
+  CLI::App* sub = app.add_subcommand("convert", "Convert, edit and merge scenes, and check the written file");
+  sub->add_option("scenes", o->paths,
+                  "The scenes to read, which are merged if there are several, followed by the scene to write")
       ->required()
       ->type_name("SCENE...");
-  sub->add_option("-o,--output", o->output, "The scene to write, where it is not the last of SCENE...")
-      ->type_name("SCENE");
-  sub->add_option("--spz-version", o->spz_version, "Version of an SPZ file, for programs that do not read the newest")
+  sub->add_option("-o,--output", o->output, "The scene to write; then all of SCENE... are read")->type_name("SCENE");
+  sub->add_option("--spz-version", o->spz_version,
+                  "Version of the SPZ file (default 4), for programs that read only older ones")
       ->check(one_of({"2", "3", "4"}))
       ->type_name("2|3|4");
   sub->add_flag(
       "--verify", o->verify,
-      "Read the file back, draw it beside the original from eight cameras, and write it only if the PSNR is at "
-      "least 30 dB, or --verify=DB");
+      "Draw the scene as the file would hold it and the original, from eight cameras. Write the file only if the PSNR "
+      "between them is at least 30 dB; --verify=DB sets another limit");
   sub->add_option("--surfels-to-gaussians", o->thickness,
-                  "Give each surfel a third standard deviation: this share, above 0 and at most 1, of the smaller of "
-                  "its two; for programs that cannot draw surfels")
+                  "Turn surfels into Gaussians, for programs that cannot draw surfels. The third standard deviation is "
+                  "THICKNESS (above 0, at most 1) times the smaller of the surfel's two")
       ->type_name("THICKNESS");
   sub->add_flag("--skip-bad", o->skip_bad,
-                "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0)");
+                "Leave out Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), and count them");
   add_viewer_option(*sub, o->viewer, "Files");
   add_change_options(*sub, o->changes);
   add_common(*sub, o->common, {.profile = false, .outside = false});
   sub->footer(
-      "The output's ending names its format. What a format cannot keep is told; with --verify, how far values are "
-      "off.\n"
-      "A device is used only for --verify and --max-gaussians.\n"
+      "The ending of the output's name selects the format. A message lists what that format cannot keep; --verify "
+      "also\n"
+      "reports how much the values differ. Only --verify and --max-gaussians use a device.\n"
       "Examples:\n"
       "  vsplat convert scene.ply scene.spz --verify\n"
       "  vsplat convert scene.ply small.spz --sh 1 --max-gaussians 200000 --verify=28\n"
       "  vsplat convert scan.ply unity.ply --from RFU --to RUF --remove-floaters --min-opacity 0.005\n"
       "  vsplat convert room.ply chair.ply both.ply --crop-box -2,-2,-2,2,2,2\n"
       "  vsplat convert surfels.ply --surfels-to-gaussians 0.05 --output scene.ply\n"
-      "A surfel seen edge on shows nothing, and a Gaussian is smeared over a pixel: the pictures are similar, not "
-      "equal.");
+      "Pictures of surfels and of the Gaussians made from them are similar, not equal: seen edge on, a surfel is\n"
+      "invisible and a Gaussian still covers about a pixel.");
   sub->callback([o, &run] { run = [o] { convert(*o); }; });
 }
 

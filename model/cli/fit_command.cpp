@@ -50,7 +50,7 @@ void dry_run(const FitCommand& o, FitJob& job, FitInputs& inputs, const vsplat::
 void check(const FitCommand& o) {
   check(o.settings);
   if (o.output.empty() && !o.dry_run) throw UsageError("fit needs --output, the scene's file");
-  if (!is_page(o.output)) need_scene_ending("--output", o.output);
+  need_scene_ending("--output", o.output, true);
 }
 
 // The files beside the scene: what was not asked for otherwise.

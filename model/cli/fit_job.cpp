@@ -180,7 +180,7 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   } catch (const std::exception& e) {  // what was fitted is not lost
     warn(std::string("the result is not measured on its pictures: ") + e.what());
   }
-  if (on_result) on_result(scene);
+  on_result(scene);
   std::string failed;
   const auto write = [&](const std::string& path, const std::function<void()>& file) {
     if (path.empty()) return;
@@ -196,7 +196,7 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   write(record_, [&] { write_record(session, fit, scene, outputs); });
   write(page_path_, [&] { end_page(session, scene, outputs, begun); });
   write(sheet_, [&] { draw_sheet(session, fit, scene, outputs); });
-  if (!failed.empty()) throw std::runtime_error((on_result ? output_ + " is written; " : "") + failed);
+  if (!failed.empty()) throw std::runtime_error((output_.empty() ? "" : output_ + " is written; ") + failed);
   return scene;
 }
 

@@ -49,12 +49,12 @@ class FitJob {
   double since = 0;  // elapsed_seconds() when the work on this scene began
 
   // Runs to the end, or until the user interrupts: then the best scene so far is the result, and a message says so.
-  // Calls `on_start` with the start scene before the first step, and `on_result` with the result, to write it, before
-  // the log, the record, the page and the sheet are written. If one of these fails, the others are still written, and
-  // what was written stays; the error names those that failed.
+  // Calls `on_start`, if there is one, with the start scene before the first step, and `on_result` with the result, to
+  // write it, before the log, the record, the page and the sheet are written. If one of these fails, the others are
+  // still written, and what was written stays; the error names those that failed.
   vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
-                    const std::function<void(const vsplat::Scene&)>& on_start = {},
-                    const std::function<void(const vsplat::Scene&)>& on_result = {});
+                    const std::function<void(const vsplat::Scene&)>& on_start,
+                    const std::function<void(const vsplat::Scene&)>& on_result);
   // The memory at the largest size, and the time as the first steps foretell it. Writes nothing.
   Plan plan(const Session& session, const vsplat::Views& views);
   // Valid after run(), like start().

@@ -9,6 +9,7 @@
 
 #include "arguments.h"
 #include "outputs.h"
+#include "scene_file.h"
 #include "session.h"
 
 namespace command {
@@ -35,12 +36,6 @@ struct Found {
   double share(uint64_t count) const {
     return all() == 0 ? 0 : static_cast<double>(count) / static_cast<double>(all());
   }
-  bool has_up() const {
-    return std::any_of(scene.up, scene.up + 3, [](double v) { return v != 0; });
-  }
-  bool has_offset() const {
-    return std::any_of(scene.offset, scene.offset + 3, [](double v) { return v != 0; });
-  }
 };
 
 ordered_json three(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
@@ -57,8 +52,8 @@ ordered_json json_of(const InfoOptions& o, const Found& f) {
                       {"antialias", f.scene.antialias != 0},
                       {"near", f.scene.near_plane},
                       {"axes", *f.file.axes ? ordered_json(f.file.axes) : ordered_json()},
-                      {"up", f.has_up() ? three(f.scene.up) : ordered_json()},
-                      {"offset", f.has_offset() ? three(f.scene.offset) : ordered_json()},
+                      {"up", is_set(f.scene.up) ? three(f.scene.up) : ordered_json()},
+                      {"offset", is_set(f.scene.offset) ? three(f.scene.offset) : ordered_json()},
                       {"mirror", f.scene.has_mirror ? three(f.scene.mirror) : ordered_json()},
                       {"detail_pixel", f.scene.detail_pixel > 0 ? ordered_json(f.scene.detail_pixel) : ordered_json()}};
   out["bounds"] = {
@@ -100,11 +95,11 @@ void print_text(const InfoOptions& o, const Found& f) {
                           bytes_text(f.file.bytes));
   print_row(f.scene.surfels ? "surfels" : "Gaussians", std::to_string(n.count));
   print_row("SH degree", std::to_string(f.scene.sh_degree));
-  print_row("drawn", std::string(f.scene.antialias ? "with" : "without") + " anti-aliasing");
-  print_row("axes", *f.file.axes ? std::string(f.file.axes) + " in the file, RDF once read"
-                                 : "not in the file (RDF where 3DGS made it)");
-  print_row("up", f.has_up() ? three_text(f.scene.up) : "not in the file");
-  if (f.has_offset()) print_row("offset", three_text(f.scene.offset));
+  print_row("anti-aliasing", f.scene.antialias ? "yes" : "no");
+  print_row("axes", *f.file.axes ? std::string(f.file.axes) + " in the file, converted to RDF when read"
+                                 : "not defined by the format (RDF if 3DGS wrote it)");
+  print_row("up", is_set(f.scene.up) ? three_text(f.scene.up) : "not in the file");
+  if (is_set(f.scene.offset)) print_row("offset", three_text(f.scene.offset));
   print_row("bounds", three_text(n.low) + "  to");
   print_row("", three_text(n.high));
   print_row("1 % to 99 %", three_text(n.low_1) + "  to");
@@ -119,7 +114,7 @@ void print_text(const InfoOptions& o, const Found& f) {
   print_share(f, "transparent", n.transparent, "opacity below 0.1");
   print_share(f, "invisible", n.invisible, "opacity below 1/255");
   print_share(f, "huge", n.huge, "standard deviation above a tenth of the 1 % to 99 % box's diagonal");
-  print_share(f, "distant", n.distant, "ten times as far from the middle as the median Gaussian");
+  print_share(f, "distant", n.distant, "more than ten times as far from the middle as the median Gaussian");
   print_row("memory", bytes_text(n.bytes) + " for the Gaussians" +
                           (f.drawing ? ", about " + bytes_text(*f.drawing) + " on the device to draw " +
                                            std::to_string(kWidth) + " x " + std::to_string(kHeight) + " pixels"
@@ -141,7 +136,7 @@ void use_device(const InfoOptions& o, const vsplat::Scene& scene, Found& found, 
     session.emplace(o.common);
   } catch (const vsplat::Error& e) {
     if (!o.picture.empty() || !o.common.device.empty()) throw;
-    say(o.common, std::string("the memory for drawing is not known: ") + e.what());
+    say(o.common, std::string("the memory for drawing is unknown: ") + e.what());
     return;
   }
   vsplat_plan plan = VSPLAT_PLAN_INIT;
@@ -158,9 +153,7 @@ void info(const InfoOptions& o) {
   outputs.input(o.scene);
   outputs.expect(o.picture);
   Found found{vsplat::describe_scene_file(o.scene), {}, {}, {}};
-  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
-  options.skip_bad = 1;  // they are counted
-  const vsplat::Scene scene = vsplat::Scene::load(o.scene, options);
+  const vsplat::Scene scene = load_scene(o.scene, true);  // bad Gaussians are counted
   found.scene = scene.info();
   found.numbers = vsplat::statistics(scene);
   use_device(o, scene, found, outputs);
@@ -175,12 +168,14 @@ void info(const InfoOptions& o) {
 
 void add_scene_info(CLI::App& app, Run& run) {
   auto o = std::make_shared<InfoOptions>();
-  CLI::App* sub = app.add_subcommand("info", "Show what a scene file holds: format, bounds, what is odd, memory");
-  sub->add_option("scene", o->scene, "A scene file, of any format that is read")->required()->type_name("SCENE");
-  sub->add_option("--picture", o->picture, "A small picture of the scene, from the front")->type_name("FILE.png");
+  CLI::App* sub =
+      app.add_subcommand("info", "Show what a scene file holds: format, bounds, suspicious Gaussians, memory");
+  sub->add_option("scene", o->scene, "A scene file in any supported format")->required()->type_name("SCENE");
+  sub->add_option("--picture", o->picture, "Draw a small picture of the scene from the front")->type_name("FILE.png");
   add_common(*sub, o->common, {.profile = false, .outside = false});
   sub->footer(
-      "Places are in the file's units. Gaussians that cannot be drawn are counted as bad, and in nothing else.\n"
+      "Positions and sizes are in world units. Gaussians that cannot be drawn are counted as bad and left out of all\n"
+      "other figures.\n"
       "Examples:\n"
       "  vsplat info scene.ply\n"
       "  vsplat info scene.spz --picture front.png --json");

@@ -59,8 +59,9 @@ std::vector<PageCamera> page_cameras(const PageViews& views) {
     camera.name = index_text(i);
     try {
       const std::string file = listed.find_picture(i, folder);
-      if (!file.empty()) camera.picture = photograph(listed, i, file, count > few_cameras ? small : large, views);
-      if (!file.empty()) camera.name = fs::path(file).filename().string();
+      if (file.empty()) continue;
+      camera.name = fs::path(file).filename().string();
+      camera.picture = photograph(listed, i, file, count > few_cameras ? small : large, views);
     } catch (const vsplat::Error& e) {
       if (missing == 0) first = e.what();
       ++missing;

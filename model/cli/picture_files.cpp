@@ -49,6 +49,7 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
 }  // namespace
 
 void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_option) {
+  o.cameras_option = cameras_option;
   const std::string group = "Pictures";
   app.add_option(
          cameras_option, o.cameras,
@@ -90,7 +91,8 @@ void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choic
          {std::pair("--size", !o.size.empty()), std::pair("--background", !o.background.empty()),
           std::pair("--format", !o.format.empty()), std::pair("--supersample", !o.supersample.empty())})
       if (given)
-        throw UsageError(option + std::string(" applies to pictures that are drawn: it needs --render, the cameras"));
+        throw UsageError(option + std::string(" applies to pictures that are drawn: it needs ") + o.cameras_option +
+                         ", the cameras");
   if (choice.orbit == 0)
     for (const auto& [option, text] :
          {std::pair("--orbit-radius", &o.orbit_radius), std::pair("--orbit-elevation", &o.orbit_elevation)})
@@ -139,8 +141,7 @@ void PictureJob::read_turntable(const PictureOptions& o) {
     if (turntable.empty()) throw UsageError("--fps needs --turntable");
   }
   if (turntable.empty()) return;
-  std::string ending = std::filesystem::path(turntable).extension();
-  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string ending = lower_case(std::filesystem::path(turntable).extension());
   if (ending != ".webp" && ending != ".gif")
     throw UsageError("--turntable is \"" + turntable +
                      "\": a name that ends in .webp or .gif expected; an MP4 can be made of the pictures, --images "

@@ -18,8 +18,9 @@ namespace command {
 inline constexpr int default_size = 512;
 
 struct PictureOptions {
-  std::string cameras;  // a file or folder, orbit:N or path:CAMERAS:N
-  std::string images;   // the folder
+  const char* cameras_option = "";  // the name of the option below
+  std::string cameras;              // a file or folder, orbit:N or path:CAMERAS:N
+  std::string images;               // the folder
   std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up, supersample;
   std::string sheet, turntable, fps, compare, differences, write_cameras;
   std::string antialias;

@@ -47,7 +47,7 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   if (o.output.empty() && !o.dry_run)
     throw UsageError(o.list.empty() ? "reconstruct needs --output, the scene's file"
                                     : "reconstruct --list needs --output, the folder for the scenes");
-  if (o.list.empty() && !is_page(o.output)) need_scene_ending("--output", o.output);
+  if (o.list.empty()) need_scene_ending("--output", o.output, true);
   if (pictures.wanted && !pictures.written)
     throw UsageError(
         "--render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");

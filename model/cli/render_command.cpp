@@ -3,6 +3,7 @@
 
 #include "naming.h"
 #include "picture_files.h"
+#include "scene_file.h"
 #include "scene_page.h"
 
 namespace command {
@@ -14,12 +15,6 @@ struct RenderOptions {
   std::string scene, viewer;
   bool dry_run = false;
 };
-
-vsplat::Scene load_scene(const RenderOptions& o) {
-  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
-  options.skip_bad = o.pictures.skip_bad;
-  return vsplat::Scene::load(o.scene, options);
-}
 
 nlohmann::ordered_json skipped_json(const vsplat_scene_info& info) {
   return {{"not_finite", info.skipped_not_finite},
@@ -69,11 +64,15 @@ void print_results(const RenderOptions& o, const Session& session, const Picture
 
 // The page alone, which needs no device.
 void write_page_alone(const RenderOptions& o) {
+  if (wants_times(o.common) || !o.pictures.near.empty() || !o.pictures.antialias.empty() || o.pictures.exact_tiles)
+    throw UsageError(
+        "--profile, --trace, --near, --antialias and --exact-tiles apply to pictures that are drawn: they need "
+        "--cameras");
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
   PageFile page(outputs, "", o.viewer, {});
-  const vsplat::Scene scene = load_scene(o);
+  const vsplat::Scene scene = load_scene(o.scene, o.pictures.skip_bad);
   page.save(o.common, {{"scene", scene}});
   outputs.commit();
   if (!o.common.json) return;
@@ -106,7 +105,7 @@ void render(const RenderOptions& o) {
   Shots shots;
   if (!job.choice.orbit) shots = job.load_cameras();
   if (!o.dry_run) job.expect(outputs, job.choice.orbit ? static_cast<std::size_t>(job.choice.orbit) : shots.all.size());
-  const vsplat::Scene scene = load_scene(o);
+  const vsplat::Scene scene = load_scene(o.scene, o.pictures.skip_bad);
   if (job.choice.orbit) {
     const vsplat_scene_info info = scene.info();
     if (!job.orbit_options.has_up && info.up[0] == 0 && info.up[1] == 0 && info.up[2] == 0)

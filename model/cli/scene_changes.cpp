@@ -19,13 +19,10 @@ std::vector<double> numbers(const std::string& option, const std::string& text, 
   return out;
 }
 
-std::uint64_t whole_number(const std::string& option, const std::string& text, double least, double most) {
+std::uint64_t count_of(const std::string& option, const std::string& text) {
   const double value = number(option, text);
-  if (value != std::floor(value) || value < least || value > most) {
-    char range[64];
-    std::snprintf(range, sizeof range, "%.0f to %.0f", least, most);
-    throw UsageError(option + " is \"" + text + "\": a whole number from " + range + " expected");
-  }
+  if (value != std::floor(value) || value < 1 || value > INT32_MAX)
+    throw UsageError(option + " is \"" + text + "\": a whole number from 1 to 2147483647 expected");
   return static_cast<std::uint64_t>(value);
 }
 
@@ -37,7 +34,8 @@ void read_box(const std::string& text, vsplat_scene_edit_options& o) {
     o.box_low[c] = v[c];
     o.box_high[c] = v[3 + c];
     if (v[c] > v[3 + c])
-      throw UsageError("--crop-box is \"" + text + "\": the low corner comes first, and is nowhere above the high one");
+      throw UsageError("--crop-box is \"" + text +
+                       "\": give the low corner first: none of its coordinates may exceed the high corner's");
   }
 }
 
@@ -69,47 +67,52 @@ std::string axes_letters(const std::string& option, const std::string& text) {
 }  // namespace
 
 void add_change_options(CLI::App& app, ChangeOptions& o) {
-  const std::string removing = "What stays, in the input's coordinates and units";
-  app.add_option("--crop-box", o.box, "Keep the Gaussians whose middles lie in the box between two corners")
-      ->type_name("X,Y,Z,X,Y,Z")
+  const std::string removing = "Removing Gaussians, in the input's coordinates and units";
+  app.add_option("--crop-box", o.box,
+                 "Keep only Gaussians whose centres lie in this box, given by its low and its high corner")
+      ->type_name("x,y,z,x,y,z")
       ->group(removing);
-  app.add_option("--crop-sphere", o.sphere, "Keep the Gaussians whose middles lie in the sphere: centre and radius")
-      ->type_name("X,Y,Z,R")
+  app.add_option("--crop-sphere", o.sphere,
+                 "Keep only Gaussians whose centres lie in this sphere, given by its centre and radius")
+      ->type_name("x,y,z,r")
       ->group(removing);
-  app.add_option("--min-opacity", o.min_opacity, "Leave out Gaussians of a lower opacity, 0 to 1")
+  app.add_option("--min-opacity", o.min_opacity, "Remove Gaussians with an opacity below this, 0 to 1")
       ->type_name("P")
       ->group(removing);
-  app.add_option("--max-size", o.max_size, "Leave out Gaussians with a larger standard deviation")
+  app.add_option("--max-size", o.max_size, "Remove Gaussians whose largest standard deviation is above this")
       ->type_name("S")
       ->group(removing);
   app.add_flag("--remove-floaters", o.remove_floaters,
-               "Leave out Gaussians that are alone: their eight nearest others are on average ten times as far away as "
-               "is usual in the scene, and three times their own size")
+               "Remove isolated Gaussians: the mean distance to their eight nearest neighbours is more than ten times "
+               "the scene's median, and more than three times their own size")
       ->group(removing);
-  app.add_option("--max-gaussians", o.max_gaussians,
-                 "Leave out the least visible ones beyond this number, by their blending weights summed over pictures "
-                 "from 24 cameras about the scene")
-      ->type_name("N")
-      ->group(removing);
-  const std::string changing = "How the scene changes, after that and in this order";
-  app.add_option("--up", o.up, "The scene's up direction, in the input (default: what the file says, else --from's)")
-      ->type_name("X,Y,Z")
+  const std::string changing = "Changing the scene afterwards, in this order";
+  app.add_option("--up", o.up, "The up direction in the input (default: the file's, else that of --from)")
+      ->type_name("x,y,z")
       ->group(changing);
   app.add_flag("--upright", o.upright,
-               "Turn the scene the shortest way, so that this becomes the up of its axes (--from)")
+               "Rotate the scene by the smallest angle that turns its up direction into that of the axes (--from)")
       ->group(changing);
   app.add_option(
          "--from", o.from,
-         "The input's axes: three letters say where +x, +y and +z point, R or L, U or D, F or B (default RDF, as "
-         "3DGS and COLMAP have them)")
+         "The input's axes: three letters for where +x, +y and +z point, each R or L (right, left), U or D (up, down), "
+         "F or B (forward, back) (default RDF, as in 3DGS and COLMAP)")
       ->type_name("XYZ")
       ->group(changing);
-  app.add_option("--to", o.to, "The output's axes (default: the input's); positions, rotations and colours change")
+  app.add_option(
+         "--to", o.to,
+         "The output's axes (default: the input's); positions, rotations and view-dependent colours are converted")
       ->type_name("XYZ")
       ->group(changing);
   app.add_option("--scale", o.scale, "Scale about the origin")->type_name("S")->group(changing);
-  app.add_option("--translate", o.translate, "Move, after scaling")->type_name("X,Y,Z")->group(changing);
-  app.add_option("--sh", o.sh, "Highest degree of spherical harmonics, 0 to 4: higher ones are left out")
+  app.add_option("--translate", o.translate, "Translate, after scaling")->type_name("x,y,z")->group(changing);
+  app.add_option("--sh", o.sh, "Highest degree of spherical harmonics to keep")
+      ->check(one_of({"0", "1", "2", "3", "4"}))
+      ->type_name("0..4")
+      ->group(changing);
+  app.add_option("--max-gaussians", o.max_gaussians,
+                 "Keep only the N most visible Gaussians, those with the largest sums of blending weights in pictures "
+                 "from 24 cameras around the scene")
       ->type_name("N")
       ->group(changing);
 }
@@ -125,12 +128,11 @@ SceneChanges::SceneChanges(const ChangeOptions& o)
   }
   if (!o.max_size.empty()) options_.max_size = positive_number("--max-size", o.max_size, "a standard deviation");
   options_.remove_floaters = o.remove_floaters;
-  if (!o.max_gaussians.empty()) max_gaussians_ = whole_number("--max-gaussians", o.max_gaussians, 1, 2147483647);
+  if (!o.max_gaussians.empty()) max_gaussians_ = count_of("--max-gaussians", o.max_gaussians);
   if (!o.up.empty()) {
     const std::array<double, 3> up = triple("--up", o.up);
-    if (std::all_of(up.begin(), up.end(), [](double v) { return v == 0; }))
-      throw UsageError("--up is \"" + o.up + "\": a direction expected, not all 0");
     std::copy(up.begin(), up.end(), options_.up);
+    if (!is_set(options_.up)) throw UsageError("--up is \"" + o.up + "\": a direction expected, not all 0");
     has_up_ = true;
   }
   options_.upright = o.upright;
@@ -139,7 +141,7 @@ SceneChanges::SceneChanges(const ChangeOptions& o)
     const std::array<double, 3> by = triple("--translate", o.translate);
     std::copy(by.begin(), by.end(), options_.translation);
   }
-  if (!o.sh.empty()) options_.sh_degree = static_cast<int32_t>(whole_number("--sh", o.sh, 0, 4));
+  if (!o.sh.empty()) options_.sh_degree = std::stoi(o.sh);  // already checked by CLI11
 }
 
 void SceneChanges::apply(const Common& common, vsplat::Scene& scene) {
@@ -148,8 +150,7 @@ void SceneChanges::apply(const Common& common, vsplat::Scene& scene) {
   if (!from_.empty()) o.from_axes = from_.c_str();
   if (!to_.empty()) o.to_axes = to_.c_str();
   o.sh_degree = -1;
-  const bool has_up =
-      has_up_ || !from_.empty() || std::any_of(before.up, before.up + 3, [](double v) { return v != 0; });
+  const bool has_up = has_up_ || !from_.empty() || is_set(before.up);
   if (o.upright && !has_up) throw UsageError("--upright: the scene does not say which direction is up: give --up");
   result_ = vsplat::edit(scene, o);
   const auto tell = [&](uint64_t count, const std::string& what) {
@@ -161,7 +162,9 @@ void SceneChanges::apply(const Common& common, vsplat::Scene& scene) {
   tell(result_.above_size, "are too large");
   tell(result_.floaters, "are floaters");
   if (result_.mirrored)
-    say(common, "The axes change from one hand to the other: programs whose axes are not these show a mirror image");
+    say(common,
+        "The new axes have the other handedness, so the scene is mirrored: only programs with these axes show it "
+        "correctly");
   if (before.count > 0 && result_.count == 0) warn("no Gaussian is left");
 }
 

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <vector>
 
 namespace command {
@@ -13,12 +11,11 @@ namespace {
 
 constexpr int kPictures = 8, kSide = 512;
 
-double psnr_of(double squares, double values) {
-  return squares == 0 ? std::numeric_limits<double>::infinity() : -10 * std::log10(squares / values);
-}
+// Infinite for 0.
+double psnr_of(double mean_square) { return -10 * std::log10(mean_square); }
 
 std::string psnr_text(double value) {
-  if (std::isinf(value)) return "equal to the bit";
+  if (std::isinf(value)) return "identical pictures";
   char out[32];
   std::snprintf(out, sizeof out, "%.2f dB", value);
   return out;
@@ -28,15 +25,9 @@ nlohmann::ordered_json number_or_null(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
 }
 
-// The sum of squares, of values limited to 0 to 1 as files and screens show them.
-double squares_between(const vsplat::Picture& a, const vsplat::Picture& b) {
-  double out = 0;
-  for (std::size_t i = 0; i < a.colour.size(); ++i) {
-    const double d = static_cast<double>(std::clamp(a.colour[i], 0.0f, 1.0f)) -
-                     static_cast<double>(std::clamp(b.colour[i], 0.0f, 1.0f));
-    out += d * d;
-  }
-  return out;
+// The mean square of the differences; 0 for equal pictures.
+double error_between(const vsplat::Picture& a, const vsplat::Picture& b) {
+  return std::pow(10.0, -vsplat::compare(a.colour, b.colour, kSide, kSide).psnr / 10);
 }
 
 }  // namespace
@@ -55,25 +46,24 @@ SceneCheck::SceneCheck(Session& session, const vsplat::Scene& original, const vs
   for (const vsplat::Scene* one : {&original, &written})
     for (const vsplat_camera& camera : cameras) {
       const double done = static_cast<double>(drawn.size()) / (2.0 * kPictures);
-      if (!Session::on_progress(&session, "drawing", done)) throw std::runtime_error("stopped while verifying");
+      if (!Session::on_progress(&session, "drawing", done)) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
       drawn.push_back(vsplat::render(session.device(), *one, camera));
     }
   clear_progress();
   pictures_ = cameras.size();
-  const double values = 3.0 * kSide * kSide;
   double all = 0, most = 0;
   for (std::size_t i = 0; i < pictures_; ++i) {
-    const double squares = squares_between(drawn[i], drawn[pictures_ + i]);
-    all += squares;
-    most = std::max(most, squares);
+    const double error = error_between(drawn[i], drawn[pictures_ + i]);
+    all += error;
+    most = std::max(most, error);
   }
-  psnr_ = psnr_of(all, values * static_cast<double>(pictures_));
-  worst_ = psnr_of(most, values);
+  psnr_ = psnr_of(all / static_cast<double>(pictures_));
+  worst_ = psnr_of(most);
 }
 
 std::string SceneCheck::text() const {
-  std::string out = "pictures from " + std::to_string(pictures_) + " cameras: " + psnr_text(psnr_);
-  if (std::isfinite(psnr_)) out += ", the worst " + psnr_text(worst_);
+  std::string out = "PSNR over pictures from " + std::to_string(pictures_) + " cameras: " + psnr_text(psnr_);
+  if (std::isfinite(psnr_)) out += ", the lowest " + psnr_text(worst_);
   if (!difference_) return out;
   const vsplat_scene_difference& d = *difference_;
   char table[640];

@@ -24,7 +24,7 @@ class SceneCheck {
  private:
   std::size_t pictures_ = 0;
   double psnr_ = 0, worst_ = 0;
-  std::optional<vsplat_scene_difference> difference_;  // nothing if the numbers of Gaussians differ
+  std::optional<vsplat_scene_difference> difference_;  // nothing if the numbers or the kinds of Gaussians differ
 };
 
 }  // namespace command

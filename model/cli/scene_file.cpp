@@ -1,12 +1,11 @@
 #include "scene_file.h"
 
-#include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
 #include <sstream>
 
+#include "arguments.h"
 #include "scene_page.h"
 
 namespace command {
@@ -14,8 +13,7 @@ namespace {
 
 // The written format whose ending the path has, the longest one that matches; nothing if there is none.
 std::optional<vsplat_scene_format> format_of(const std::string& path) {
-  std::string name = std::filesystem::path(path).filename().string();
-  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string name = lower_case(std::filesystem::path(path).filename().string());
   std::optional<vsplat_scene_format> out;
   std::size_t longest = 0;
   for (const vsplat_scene_format& format : vsplat::scene_formats()) {
@@ -31,12 +29,30 @@ std::optional<vsplat_scene_format> format_of(const std::string& path) {
 
 }  // namespace
 
-void need_scene_ending(const std::string& option, const std::string& path) {
-  if (path.empty() || format_of(path)) return;
+void need_scene_ending(const std::string& option, const std::string& path, bool or_page) {
+  if (path.empty() || (or_page && is_page(path)) || format_of(path)) return;
   std::string all;
   for (const vsplat_scene_format& format : vsplat::scene_formats())
     if (format.writes) all += (all.empty() ? "" : ", ") + std::string(format.endings) + " (" + format.title + ")";
+  if (or_page) all += ", .html (a page)";
   throw UsageError(option + " is \"" + path + "\": a name with the ending of a scene's format expected: " + all);
+}
+
+vsplat::Scene load_scene(const std::string& path, bool skip_bad) {
+  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
+  options.skip_bad = skip_bad;
+  return vsplat::Scene::load(path, options);
+}
+
+std::vector<std::string> tell_losses(const Common& common, const std::string& path, const vsplat::Scene& scene,
+                                     const std::string& format) {
+  std::vector<std::string> out;
+  std::istringstream lost(scene.losses(format));
+  for (std::string sentence; std::getline(lost, sentence);) {
+    say(common, path + ": " + sentence);
+    out.push_back(sentence);
+  }
+  return out;
 }
 
 SceneFile::SceneFile(Outputs& outputs, const std::string& path) : outputs_(outputs), path_(is_page(path) ? "" : path) {
@@ -49,8 +65,7 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene, const vsp
                      const std::vector<unsigned char>* made) {
   if (path_.empty()) return;
   const vsplat_scene_info info = scene.info();
-  if (std::any_of(info.offset, info.offset + 3, [](double v) { return v != 0; }))
-    offset_.assign(info.offset, info.offset + 3);
+  if (is_set(info.offset)) offset_.assign(info.offset, info.offset + 3);
   if (offset_.empty()) {
     outputs_.expect_gone(offset_path_);  // an older one would be taken for this scene's
   } else {
@@ -65,11 +80,7 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene, const vsp
     vsplat::check(vsplat_file_write(path_.c_str(), made->data(), made->size()));
   else
     scene.save(path_, options);
-  std::istringstream lost(scene.losses(format()));
-  for (std::string sentence; std::getline(lost, sentence);) {
-    say(common, path_ + ": " + sentence);
-    lost_.push_back(sentence);
-  }
+  lost_ = tell_losses(common, path_, scene, format());
 }
 
 std::string SceneFile::format() const {

@@ -52,7 +52,10 @@ std::vector<unsigned char> gzip(const std::string& text) {
 std::string script_json(const nlohmann::ordered_json& value) {
   std::string out;
   for (const char c : value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace))
-    out += c == '<' ? std::string("\\u003c") : std::string(1, c);
+    if (c == '<')
+      out += "\\u003c";
+    else
+      out += c;
   return out;
 }
 
@@ -66,14 +69,13 @@ std::vector<double> from_scene_to_camera(const double* w2c, const double* offset
 
 nlohmann::ordered_json about(const ScenePage& page) {
   const vsplat_scene_info info = page.scenes.back().scene.info();
-  const bool has_up = info.up[0] != 0 || info.up[1] != 0 || info.up[2] != 0;
   nlohmann::ordered_json out = {{"title", page.title},
                                 {"up", nullptr},
                                 {"near", info.near_plane},
                                 {"background", page.background},
                                 {"scenes", nlohmann::ordered_json::array()},
                                 {"cameras", nlohmann::ordered_json::array()}};
-  if (has_up) out["up"] = info.up;
+  if (is_set(info.up)) out["up"] = info.up;
   const std::string stem = std::filesystem::path(page.title).stem().string();
   for (std::size_t i = 0; i < page.scenes.size(); ++i) {
     const vsplat_scene_info its = page.scenes[i].scene.info();
@@ -118,7 +120,7 @@ std::string filled(const std::string& text, const std::vector<std::pair<std::str
 std::string scene_page_text(const ScenePage& page) {
   vsplat_scene_save_options format = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
   format.format = "spz";
-  format.spz_version = 3;  // browsers decompress it by themselves
+  format.spz_version = page_spz_version;
   std::string scenes;
   for (std::size_t i = 0; i < page.scenes.size(); ++i)
     scenes += R"(<script type="text/plain" id="scene-)" + std::to_string(i) + "\">" +
@@ -131,17 +133,15 @@ std::string scene_page_text(const ScenePage& page) {
 }
 
 bool is_page(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return ending == ".html";
+  return lower_case(std::filesystem::path(path).extension().string()) == ".html";
 }
 
 PageFile::PageFile(Outputs& outputs, const std::string& output, std::string viewer, PageViews views)
-    : outputs_(outputs), path_(std::move(viewer)), views_(std::move(views)) {
+    : outputs_(outputs), path_(std::move(viewer)), views_(std::move(views)), is_output_(is_page(output)) {
   need_ending("--viewer", path_, ".html");
-  if (is_page(output) && !path_.empty())
+  if (is_output_ && !path_.empty())
     throw UsageError("--viewer and --output both name a page: give one of them, or --output a scene");
-  if (is_page(output)) path_ = output;
+  if (is_output_) path_ = output;
   outputs_.expect(path_);
 }
 
@@ -150,17 +150,21 @@ void PageFile::save(const Common& common, const std::vector<PageScene>& scenes) 
   ScenePage page;
   page.title = std::filesystem::path(path_).filename().string();
   page.scenes = scenes;
-  page.cameras = page_cameras(views_);
+  if (!cameras_) cameras_ = page_cameras(views_);
+  page.cameras = *cameras_;
   std::copy(std::begin(views_.background), std::end(views_.background), page.background);
   const std::string text = scene_page_text(page);
   write_text(outputs_.begin(path_), text);
-  say(common, path_ + ": the scene" + (scenes.size() > 1 ? ", before and after" : "") + " with " +
-                  std::to_string(page.cameras.size()) + " cameras, " + bytes_text(text.size()) +
-                  "; open it in a browser");
+  const std::size_t cameras = page.cameras.size();
+  say(common, path_ + ": a page that shows " + (scenes.size() > 1 ? "both scenes" : "the scene") +
+                  (cameras ? " and " + std::to_string(cameras) + (cameras == 1 ? " camera" : " cameras") : "") + ", " +
+                  bytes_text(text.size()) + "; open it in a browser");
+  if (is_output_) lost_ = tell_losses(common, path_, scenes.back().scene, "spz");
 }
 
 void PageFile::add_results(nlohmann::ordered_json& out) const {
   if (!path_.empty()) out["viewer"] = path_;
+  if (!lost_.empty()) out["lost"] = lost_;
 }
 
 void add_viewer_option(CLI::App& app, std::string& path, const std::string& group) {

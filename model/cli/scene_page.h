@@ -1,5 +1,7 @@
 // The page that shows a scene in a browser. Its file has all that it needs inside, and fetches nothing.
 #pragma once
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 #include <vsplat/vsplat.hpp>
@@ -22,6 +24,9 @@ struct ScenePage {
   float background[3] = {1, 1, 1};
 };
 
+// The version of the SPZ files in pages: browsers decompress its gzip by themselves.
+inline constexpr int32_t page_spz_version = 3;
+
 // Throws if a scene cannot be written as SPZ.
 std::string scene_page_text(const ScenePage& page);
 
@@ -34,14 +39,18 @@ class PageFile {
   // `viewer`: of --viewer; "": no page is written, unless `output`, the command's main output, is one.
   PageFile(Outputs& outputs, const std::string& output, std::string viewer, PageViews views);
 
-  // Writes the page, or does nothing if none is wanted. A page that cannot be made is an error.
+  // Writes the page, or does nothing if none is wanted. A page that cannot be made is an error. If the page is the main
+  // output, a message says what it loses of the last scene.
   void save(const Common& common, const std::vector<PageScene>& scenes);
-  void add_results(nlohmann::ordered_json& out) const;  // "viewer"
+  void add_results(nlohmann::ordered_json& out) const;  // "viewer", and "lost" of a main output
 
  private:
   Outputs& outputs_;
   std::string path_;
   PageViews views_;
+  bool is_output_;
+  std::optional<std::vector<PageCamera>> cameras_;  // a fit writes its page twice
+  std::vector<std::string> lost_;
 };
 
 // Adds --viewer.

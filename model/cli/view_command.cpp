@@ -11,6 +11,7 @@
 #include "command.h"
 #include "runtime/system/system.h"
 #include "runtime/system/system_process.h"
+#include "scene_file.h"
 #include "scene_page.h"
 
 namespace command {
@@ -32,10 +33,11 @@ std::string variable(const char* name) {
 
 // A program's path: as given if it has a slash, else in PATH; "" if it is not found.
 std::string found(const std::string& program) {
+  constexpr fs::perms may_run = fs::perms::owner_exec | fs::perms::group_exec | fs::perms::others_exec;
   const auto is_program = [](const fs::path& path) {
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
-    return fs::is_regular_file(status) && (status.permissions() & fs::perms::others_exec) != fs::perms::none;
+    return fs::is_regular_file(status) && (status.permissions() & may_run) != fs::perms::none;
   };
   if (program.find('/') != std::string::npos) return is_program(program) ? program : "";
   std::istringstream folders(variable("PATH"));
@@ -57,7 +59,8 @@ std::string browser() {
 #endif
 }
 
-// Whether the browser runs, or ended well within two seconds. Its third descriptor is the page itself.
+// True if the program still runs after two seconds, or ended without an error before. start_program() needs a third
+// descriptor for it; the page serves, and browsers ignore it.
 bool opens(const std::string& program, const fs::path& page) {
   std::error_code error;
   const sys::Handle file = sys::open_to_read(page, error);
@@ -85,12 +88,6 @@ fs::path temporary_folder() {
   throw std::runtime_error(all.string() + ": holds too many folders of earlier views");
 }
 
-vsplat::Scene load(const ViewOptions& o, const std::string& path) {
-  vsplat_scene_load_options how = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
-  how.skip_bad = o.skip_bad;
-  return vsplat::Scene::load(path, how);
-}
-
 void view(const ViewOptions& o) {
   if (o.no_open && o.output.empty()) throw UsageError("--no-open needs --output, the page to write");
   if (!o.pictures.empty() && o.cameras.empty()) throw UsageError("--pictures needs --cameras, the list of cameras");
@@ -105,12 +102,18 @@ void view(const ViewOptions& o) {
   for (const std::string& path : {o.scene, o.before}) outputs.input(path);
   outputs.input_cameras(o.cameras);
   std::vector<PageScene> scenes;
-  if (!o.before.empty()) scenes.push_back({fs::path(o.before).filename().string(), load(o, o.before)});
-  scenes.push_back({fs::path(o.scene).filename().string(), load(o, o.scene)});
+  if (!o.before.empty()) scenes.push_back({fs::path(o.before).filename().string(), load_scene(o.before, o.skip_bad)});
+  scenes.push_back({fs::path(o.scene).filename().string(), load_scene(o.scene, o.skip_bad)});
   const fs::path page = o.output.empty() ? temporary_folder() / fs::path(o.scene).filename().replace_extension(".html")
                                          : fs::path(o.output);
   PageFile file(outputs, page.string(), "", views);
-  file.save(o.common, scenes);
+  try {
+    file.save(o.common, scenes);
+  } catch (...) {
+    std::error_code ignored;
+    if (o.output.empty()) fs::remove(page.parent_path(), ignored);
+    throw;
+  }
   outputs.commit();
   bool opened = false;
   if (!o.no_open) {
@@ -118,7 +121,7 @@ void view(const ViewOptions& o) {
     opened = !program.empty() && opens(program, fs::absolute(page));
     if (!opened)
       warn(page.string() + " is not opened: " +
-           (program.empty() ? "there is no browser here: neither BROWSER nor a desktop with xdg-open"
+           (program.empty() ? "no browser was found: $BROWSER names no program, and there is no desktop with xdg-open"
                             : program + " did not open it") +
            "; open the file in a browser");
   }
@@ -133,21 +136,21 @@ void view(const ViewOptions& o) {
 void add_view(CLI::App& app, Run& run) {
   auto o = std::make_shared<ViewOptions>();
   CLI::App* sub = app.add_subcommand("view", "Show a scene in the browser");
-  sub->add_option("scene", o->scene, "A scene, in any format that is read")->required()->type_name("SCENE");
-  sub->add_option("-o,--output", o->output, "Where the page is written (default: a folder for temporary files)")
+  sub->add_option("scene", o->scene, "A scene file in any supported format")->required()->type_name("SCENE");
+  sub->add_option("-o,--output", o->output, "The page to write (default: a file in a new temporary folder)")
       ->type_name("FILE.html");
-  sub->add_option("--before", o->before, "A second scene, on the left of a slider")->type_name("SCENE");
-  sub->add_option(
-         "--cameras", o->cameras,
-         "Also show these cameras (transforms.json, cameras.json, COLMAP model or a folder with one) with their "
-         "photographs: a click stands at one")
+  sub->add_option("--before", o->before, "A second scene, shown to the left of a slider")->type_name("SCENE");
+  sub->add_option("--cameras", o->cameras,
+                  "Also show these cameras and their photographs (transforms.json, cameras.json, a COLMAP model or a "
+                  "folder with "
+                  "one); clicking a camera shows the scene from there")
       ->type_name("CAMERAS");
-  sub->add_option("--pictures", o->pictures, "The folder of the photographs (default: that of the cameras)")
+  sub->add_option("--pictures", o->pictures, "The folder of the photographs (default: that of the camera list)")
       ->type_name("DIR");
   sub->add_option("--background", o->background,
                   "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1 (default white)")
       ->type_name("COLOUR");
-  sub->add_flag("--skip-bad", o->skip_bad, "Leave out, and count, single Gaussians that cannot be drawn");
+  sub->add_flag("--skip-bad", o->skip_bad, "Leave out Gaussians that cannot be drawn, and count them");
   sub->add_flag("--no-open", o->no_open, "Only write the page");
   add_common(*sub, o->common, {.device = false, .profile = false});
   sub->footer(
@@ -155,9 +158,9 @@ void add_view(CLI::App& app, Run& run) {
       "  vsplat view scene.ply\n"
       "  vsplat view scene.ply --cameras photos/ --output scene.html --no-open\n"
       "  vsplat view sharp.ply --before scene.ply\n"
-      "The page is one file with the scene inside. It needs no network, and a browser with WebGL 2. Drag to turn, use "
-      "the\n"
-      "wheel to zoom, and press ? for the keys. $BROWSER names the browser; without it the desktop's default opens.");
+      "The page is one file that contains the scene. It works without a network; the browser needs WebGL 2. Drag to\n"
+      "turn, scroll to zoom, press ? for the keys. $BROWSER selects the browser, otherwise the desktop's default is\n"
+      "used.");
   sub->callback([o, &run] { run = [o] { view(*o); }; });
 }
 

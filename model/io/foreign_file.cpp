@@ -85,8 +85,7 @@ std::optional<ForeignFile> text_kind(const std::string& path, std::string_view b
     return ForeignFile{"a web page", "the download returned a page instead of the file"};
   if (from.starts_with("<?xml") || from.starts_with("<svg")) return ForeignFile{"XML or SVG"};
   if (from.starts_with("{") || from.starts_with("[")) {
-    if (has_text(begin, "\"means\"") && has_text(begin, "\"quats\""))
-      return ForeignFile{"the meta.json of a SOG scene"};
+    if (has_text(begin, "\"means\"") && has_text(begin, "\"mins\"")) return ForeignFile{"the meta.json of a SOG scene"};
     if (has_text(begin, "\"asset\"") && has_text(begin, "\"version\"")) return other_mesh(path, "a glTF file");
     if (has_text(begin, "\"frames\"") || has_text(begin, "\"w2c\"") || has_text(begin, "\"camera_angle_x\"") ||
         has_text(begin, "\"rotation\""))

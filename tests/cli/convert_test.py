@@ -193,7 +193,10 @@ class Convert(support.Case):
         self.refuses(1, "exists", "convert", self.scene, self.path("other.ply"))
         self.refuses(2, "OUT", "convert", self.scene)
         self.refuses(2, "is read", "convert", self.scene, self.scene, "--overwrite")
-        self.refuses(2, [".xyz", ".ply", ".spz"], "convert", self.scene, self.path("a.xyz"))
+        self.refuses(2, ["OUT is", ".xyz", ".ply", ".spz", ".html"], "convert", self.scene, self.path("a.xyz"))
+        self.refuses(2, ["--output is", ".xyz"], "convert", self.scene, "--output", self.path("a.xyz"))
+        for name in ("a.ply", "a.html"):
+            self.refuses(2, ["--spz-version", name], "convert", self.scene, "--spz-version", 2, self.path(name))
 
     def test_verification(self):
         told, _ = self.convert("--verify")
@@ -239,6 +242,15 @@ class Convert(support.Case):
 class Info(support.Case):
     def info(self, name, *more):
         return json.loads(self.succeeds("info", self.path(name), "--json", *more)[0])
+
+    def test_without_a_device(self):
+        write_whole(self.path("scene.ply"))
+        none = {"OCL_ICD_VENDORS": self.path("none"), "OCL_ICD_FILENAMES": "", "VSPLAT_DEVICE": ""}
+        out, err = self.succeeds("info", self.path("scene.ply"), "--json", env=none)
+        self.assertIsNone(json.loads(out)["memory"]["drawing"])
+        self.assertIn("no OpenCL device", err)
+        self.refuses(1, "no OpenCL device", "info", self.path("scene.ply"), "--picture", self.path("a.png"), env=none)
+        self.succeeds("convert", self.path("scene.ply"), self.path("a.spz"), env=none)
 
     def test_what_a_file_holds(self):
         rows = write_whole(self.path("scene.ply"), comments=("vsplat up 0 0 1", "vsplat near 0.5"))

@@ -54,7 +54,9 @@ class Pages(support.Case):
         page = self.path("s.html")
         out, err = self.succeeds("view", self.scene, "--output", page, "--no-open", "--json")
         self.assertIn("s.html", err)
-        self.assertEqual(json.loads(out), {"gaussians": 3, "opened": False, "viewer": page})
+        record = json.loads(out)
+        self.assertEqual((record["gaussians"], record["opened"], record["viewer"]), (3, False, page))
+        self.assertIn("rotations are rounded", " ".join(record["lost"]))
         # SPZ of version 3: magic, version, number of Gaussians.
         spz = gzip.decompress(base64.b64decode(element(page, "scene-0")))
         self.assertEqual(struct.unpack("<4sII", spz[:12]), (b"NGSP", 3, 3))
@@ -114,15 +116,18 @@ class Pages(support.Case):
         self.succeeds("render", self.scene, "--viewer", self.path("d.html"))
         self.succeeds("render", self.scene, "--cameras", self.views, "--viewer", self.path("e.html"))
         self.assertEqual([len(json.loads(element(self.path(f"{name}.html"), "about"))["cameras"]) for name in "de"], [0, 3])
-        self.succeeds("fit", self.views, "--start", self.scene, "--steps", 2, "--output", self.path("f.ply"), "--viewer", self.path("f.html"),
-                      "--scale", 2, "--center", "0,0,0")
-        names = [s["name"] for s in json.loads(element(self.path("f.html"), "about"))["scenes"]]
-        self.assertIn(names, (["start", "fitted"], ["start"]))
+        names = lambda page: [s["name"] for s in json.loads(element(self.path(page), "about"))["scenes"]]
+        out, _ = self.succeeds("fit", self.views, "--start", self.scene, "--steps", 2, "--output", self.path("f.ply"), "--viewer", self.path("f.html"),
+                               "--scale", 2, "--center", "0,0,0", "--json")
+        self.assertEqual(names("f.html"), ["start", "fitted"] if json.loads(out)["returned"] == "fitted" else ["start"])
+        out, _ = self.succeeds(*self.reconstruct("--refine", "--refine-steps", 2, "--viewer", self.path("g.html"), "--overwrite", "--json"))
+        self.assertEqual(names("g.html"), ["network", "fitted"] if json.loads(out)["refined"]["returned"] == "fitted" else ["network"])
 
     def test_refusals(self):
         self.refuses(2, ["--viewer", ".html"], "render", self.scene, "--viewer", self.path("x.htm"))
         self.refuses(2, ["--no-open", "--output"], "view", self.scene, "--no-open")
         self.refuses(2, ["--pictures", "--cameras"], "view", self.scene, "--pictures", self.folder, "--output", self.path("x.html"), "--no-open")
+        self.refuses(2, ["--profile", "--cameras"], "render", self.scene, "--viewer", self.path("x.html"), "--profile", self.path("p.json"))
         self.refuses(1, "none.ply", "view", self.path("none.ply"), "--output", self.path("x.html"), "--no-open")
         self.refuses(2, ["--viewer", "--output"], *self.reconstruct()[:4], "--output", self.path("x.html"), "--viewer", self.path("y.html"))
         pathlib.Path(self.path("here.html")).write_text("mine")
@@ -131,7 +136,7 @@ class Pages(support.Case):
     def test_the_browser_gets_the_page(self):
         opener = self.path("opener")
         pathlib.Path(opener).write_text(f'#!/bin/sh\necho "$@" >"{self.path("opened")}"\n')
-        os.chmod(opener, os.stat(opener).st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
+        os.chmod(opener, 0o700)
         temporary = self.path("tmp")
         os.mkdir(temporary)
         out, _ = self.succeeds("view", self.scene, "--json", env={"BROWSER": f"/does/not/exist:{opener}", "TMPDIR": temporary})

@@ -180,6 +180,13 @@ def gltfs(maker):
     put("sparse", lambda d: d["accessors"][0].update(sparse={"count": 1}))
     put("required", lambda d: d.update(extensionsRequired=[maker.word()]))
 
+    def many(d):  # a mesh of many primitives in many nodes
+        d["meshes"] = [{"primitives": d["meshes"][0]["primitives"][:1] * 3000}]
+        d["nodes"] = [{"mesh": 0}] * 3000
+        d["scenes"][0]["nodes"] = list(range(3000))
+    put("many_nodes", many)
+    put("many_buffers", lambda d: d.update(buffers=d["buffers"] + [{"uri": "a.bin", "byteLength": 4}] * 3000))
+
 
 def make(maker):
     spzs(maker)

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <numeric>
 
 #include "model/io/scene/compressed_ply.h"
+#include "model/io/scene/morton_order.h"
 #include "model/io/scene/ply_comments.h"
 #include "model/io/scene/written_gaussians.h"
 #include "runtime/files/output_file.h"
@@ -19,37 +18,25 @@ using namespace compressed_ply;
 constexpr int kWrittenDegree = 3;
 constexpr double kMostLogScale = 20;
 
-// Puts two zero bits between the lowest 10 bits.
-std::uint32_t spread(std::uint32_t v) {
-  std::uint32_t out = 0;
-  for (std::uint32_t bit = 0; bit < 10; ++bit) out |= (v >> bit & 1u) << (3 * bit);
-  return out;
-}
-
 // The Gaussians along a Morton curve through the scene's box.
-std::vector<std::size_t> curve_order(const Gaussians& g) {
-  std::array<float, 3> low{}, high{};
+std::vector<std::uint32_t> curve_order(const Gaussians& g) {
+  std::vector<std::array<std::uint16_t, 3>> places(g.count);
   for (std::size_t c = 0; c < 3; ++c) {
-    low[c] = high[c] = g.means[c];
+    float low = g.means[c], high = low;
     for (std::size_t k = 0; k < g.count; ++k) {
-      low[c] = std::min(low[c], g.means[3 * k + c]);
-      high[c] = std::max(high[c], g.means[3 * k + c]);
+      low = std::min(low, g.means[3 * k + c]);
+      high = std::max(high, g.means[3 * k + c]);
+    }
+    const double range = static_cast<double>(high) - low;
+    for (std::size_t k = 0; k < g.count; ++k) {
+      const double share = range > 0 ? (static_cast<double>(g.means[3 * k + c]) - low) / range : 0;
+      places[k][c] = static_cast<std::uint16_t>(std::lround(share * 1023));
     }
   }
-  std::vector<std::uint32_t> place(g.count);
-  for (std::size_t k = 0; k < g.count; ++k)
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double range = static_cast<double>(high[c]) - low[c];
-      const double share = range > 0 ? (static_cast<double>(g.means[3 * k + c]) - low[c]) / range : 0;
-      place[k] |= spread(static_cast<std::uint32_t>(std::lround(share * 1023))) << c;
-    }
-  std::vector<std::size_t> out(g.count);
-  std::iota(out.begin(), out.end(), std::size_t{0});
-  std::stable_sort(out.begin(), out.end(), [&](std::size_t a, std::size_t b) { return place[a] < place[b]; });
-  return out;
+  return morton_order(places);
 }
 
-// The ten values of a Gaussian that have bounds, as a block stores them.
+// The nine values of a Gaussian that have bounds, as a block stores them.
 struct Bounded {
   std::array<float, 9> values{};  // position, logarithm of the scale, colour
 
@@ -87,7 +74,7 @@ struct BlockBounds {
   }
 };
 
-std::vector<BlockBounds> bounds_of(const Gaussians& g, const std::vector<std::size_t>& order) {
+std::vector<BlockBounds> bounds_of(const Gaussians& g, const std::vector<std::uint32_t>& order) {
   std::vector<BlockBounds> out((g.count + kBlockSize - 1) / kBlockSize);
   for (std::size_t i = 0; i < g.count; ++i) {
     const Bounded own(g, order[i]);
@@ -148,7 +135,7 @@ void write_compressed_ply(const std::string& path, const Scene& scene) {
   const Gaussians& g = volumes_to_write(path, scene.gaussians, made);
   const std::size_t degree = static_cast<std::size_t>(std::min(g.sh_degree, kWrittenDegree));
   const std::size_t rest = (degree + 1) * (degree + 1) - 1;
-  const std::vector<std::size_t> order = curve_order(g);
+  const std::vector<std::uint32_t> order = curve_order(g);
   const std::vector<BlockBounds> blocks = bounds_of(g, order);
   OutputFile file(path);
   file.write(header_of(scene, g.count, blocks.size(), rest));

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "model/base/json_fields.h"
+#include "model/io/reader/percent.h"
 #include "model/io/scene/gltf_splats.h"
 #include "runtime/fail.h"
 #include "runtime/files/base64.h"
@@ -59,28 +60,6 @@ double value_at(const std::byte* from) {
 
 std::size_t width_of(const std::string& type) {
   return type == "SCALAR" ? 1 : type == "VEC2" ? 2 : type == "VEC3" ? 3 : type == "VEC4" ? 4 : 0;
-}
-
-// Undoes %20 and the like.
-std::string without_percent(const std::string& uri) {
-  std::string out;
-  const auto digit = [](char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                  : -1;
-  };
-  for (std::size_t i = 0; i < uri.size(); ++i) {
-    const int high = uri[i] == '%' && i + 2 < uri.size() ? digit(uri[i + 1]) : -1;
-    const int low = high >= 0 ? digit(uri[i + 2]) : -1;
-    if (low >= 0) {
-      out += static_cast<char>(16 * high + low);
-      i += 2;
-    } else {
-      out += uri[i];
-    }
-  }
-  return out;
 }
 
 }  // namespace
@@ -179,7 +158,8 @@ double GltfNumbers::at(std::size_t element, std::size_t i) const {
   return normalized ? std::max(out / type.most, -1.0) : out;
 }
 
-GltfDocument::GltfDocument(std::string name, std::span<const std::byte> content) : name_(std::move(name)) {
+GltfDocument::GltfDocument(std::string name, std::span<const std::byte> content, std::string folder)
+    : name_(std::move(name)), folder_(std::move(folder)) {
   if (is_glb(content))
     split_glb(content);
   else
@@ -227,30 +207,45 @@ GltfValue GltfDocument::in(const char* list, const GltfValue& index) const {
   return all[static_cast<std::size_t>(i)];
 }
 
-std::vector<unsigned char> GltfDocument::load(const GltfValue& uri) const {
-  const std::string text = uri.text("");
-  if (text.rfind("data:", 0) == 0) {
-    const std::size_t comma = text.find(',');
-    constexpr std::string_view mark = ";base64";
-    const std::string_view head = std::string_view(text).substr(0, std::min(comma, text.size()));
-    if (comma == std::string::npos || head.size() < mark.size() || head.substr(head.size() - mark.size()) != mark)
-      uri.wrong("is a data: URI that is not base64");
-    auto bytes = from_base64(std::string_view(text).substr(comma + 1));
-    if (!bytes) uri.wrong("is a data: URI whose base64 is damaged");
-    return std::move(*bytes);
-  }
-  const std::string decoded = without_percent(text);
+std::filesystem::path GltfDocument::file_of(const GltfValue& uri) const {
+  const std::string text = uri.text(""), decoded = percent_decoded(text);
   const std::filesystem::path file(decoded);
   const bool leaves = std::any_of(file.begin(), file.end(), [](const auto& part) { return part == ".."; });
   if (text.empty() || decoded.find('\0') != std::string::npos || file.is_absolute() || leaves ||
       text.find("://") != std::string::npos)
     uri.wrong(fmt::format("is \"{}\": the name of a file beside this one, or below its folder, is expected",
                           printable(text)));
-  const std::filesystem::path path = std::filesystem::path(name_).parent_path() / file;
+  if (folder_.empty()) uri.wrong(fmt::format("is \"{}\": a scene in memory has no file beside it", printable(text)));
+  std::filesystem::path path = (std::filesystem::path(folder_) / file).lexically_normal();
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored))
     uri.wrong(fmt::format("is \"{}\": there is no file {}", printable(text), printable(path.string())));
-  return read_file(path.string());
+  return path;
+}
+
+std::span<const std::byte> GltfDocument::load(const GltfValue& uri, std::uint64_t number) {
+  const auto bytes_of = [](const Loaded& loaded) { return std::as_bytes(std::span(loaded.bytes)); };
+  const std::string text = uri.text("");
+  if (!text.starts_with("data:")) {
+    const auto [found, is_new] = files_.try_emplace(file_of(uri));
+    if (!is_new) return bytes_of(found->second);
+    std::error_code ignored;  // what is no regular file is refused when it is read
+    const auto size = std::filesystem::file_size(found->first, ignored);
+    if (!ignored) found->second.reserved = HostMemory(found->first.string(), static_cast<double>(size));
+    found->second.bytes = read_file(found->first.string());
+    return bytes_of(found->second);
+  }
+  const auto [found, is_new] = decoded_.try_emplace(number);
+  if (!is_new) return bytes_of(found->second);
+  const std::size_t comma = text.find(',');
+  constexpr std::string_view mark = ";base64";
+  const std::string_view head = std::string_view(text).substr(0, std::min(comma, text.size()));
+  if (comma == std::string::npos || head.size() < mark.size() || head.substr(head.size() - mark.size()) != mark)
+    uri.wrong("is a data: URI that is not base64");
+  auto bytes = from_base64(std::string_view(text).substr(comma + 1));
+  if (!bytes) uri.wrong("is a data: URI whose base64 is damaged");
+  found->second.bytes = std::move(*bytes);
+  return bytes_of(found->second);
 }
 
 std::span<const std::byte> GltfDocument::buffer(const GltfValue& index) {
@@ -258,9 +253,7 @@ std::span<const std::byte> GltfDocument::buffer(const GltfValue& index) {
   const std::uint64_t number = index.whole(), bytes = of["byteLength"].whole();
   std::span<const std::byte> all = chunk_;
   if (of["uri"].exists()) {
-    auto found = read_.find(number);
-    if (found == read_.end()) found = read_.emplace(number, load(of["uri"])).first;
-    all = std::as_bytes(std::span(found->second));
+    all = load(of["uri"], number);
   } else if (number != 0 || !has_chunk_) {
     of.wrong("has no uri, and there is no binary chunk for it");
   }

@@ -2,11 +2,14 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <vector>
+
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 
@@ -56,9 +59,9 @@ struct GltfNumbers {
 
 class GltfDocument {
  public:
-  // `name` is the path, beside which buffers are found. The content must outlive the document. Error(format) for a
+  // Buffers may be files below `folder`; "": none may. The content must outlive the document. Error(format) for a
   // damaged GLB, invalid JSON, and another version than 2.
-  GltfDocument(std::string name, std::span<const std::byte> content);
+  GltfDocument(std::string name, std::span<const std::byte> content, std::string folder);
   GltfDocument(const GltfDocument&) = delete;
   GltfDocument& operator=(const GltfDocument&) = delete;
 
@@ -72,13 +75,20 @@ class GltfDocument {
  private:
   void split_glb(std::span<const std::byte> content);
   std::span<const std::byte> buffer(const GltfValue& index);
-  std::vector<unsigned char> load(const GltfValue& uri) const;
+  std::span<const std::byte> load(const GltfValue& uri, std::uint64_t number);
+  std::filesystem::path file_of(const GltfValue& uri) const;
 
-  std::string name_;
+  struct Loaded {
+    HostMemory reserved;
+    std::vector<unsigned char> bytes;
+  };
+
+  std::string name_, folder_;
   nlohmann::json json_;
   bool has_chunk_ = false;
-  std::span<const std::byte> chunk_;                          // of a GLB: its first buffer
-  std::map<std::uint64_t, std::vector<unsigned char>> read_;  // buffers, by index
+  std::span<const std::byte> chunk_;               // of a GLB: its first buffer
+  std::map<std::uint64_t, Loaded> decoded_;        // buffers in data: URIs, by index
+  std::map<std::filesystem::path, Loaded> files_;  // several buffers may name one
 };
 
 }  // namespace vsplat

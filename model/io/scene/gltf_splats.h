@@ -18,12 +18,13 @@ namespace vsplat {
 // Whether the beginning of a file is that of a GLB.
 bool is_glb(std::span<const std::byte> beginning);
 
-// Reads JSON or GLB. Attributes may be floats or normalised integers; buffers are the GLB's, in data: URIs, or files
-// beside `name`. All Gaussians of the file's scene come in one list. Error(format), naming the field, for a missing
-// buffer, one that ends early, sparse accessors, compressed Gaussians, and nodes that are no rotation, shift and even
-// scale. A Gaussian that cannot be drawn is an error, unless `skipped` counts it. Memory is reserved from the host
-// budget first.
+// Reads JSON or GLB. Attributes may be floats or normalised integers; buffers are the GLB's or in data: URIs. All
+// Gaussians of the file's scene come in one list. Error(format), naming the field, for a missing buffer, one that ends
+// early, sparse accessors, compressed Gaussians, and nodes that are no rotation, shift and even scale. A Gaussian that
+// cannot be drawn is an error, unless `skipped` counts it. Memory is reserved from the host budget first.
 Scene read_gltf_scene(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped = nullptr);
+// The same from a path: buffers may also be files beside it.
+Scene read_gltf_file(const std::string& path, SkippedGaussians* skipped = nullptr);
 
 // Write one primitive of floats, which keep every bit, with spherical harmonics up to degree 3, and for other programs
 // COLOR_0 in linear light. Surfels become volumes, see volumes_to_write(), whose Error(input) these throw, too. Near

@@ -5,14 +5,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <map>
 #include <set>
 #include <vector>
 
+#include "model/base/scene_edit.h"
 #include "model/io/scene/gltf_document.h"
 #include "model/io/scene/gltf_splats.h"
 #include "model/io/scene/scene_notes.h"
 #include "runtime/fail.h"
+#include "runtime/files/file.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 #include "runtime/system/host_memory.h"
@@ -22,6 +26,7 @@ namespace {
 
 constexpr const char* kExtension = "KHR_gaussian_splatting";
 constexpr std::size_t kMostCoefficients = 16;
+constexpr std::size_t kMostParts = 65536;  // primitives, counted once for each node that shows them
 
 bool is_finite_float(double v) { return std::abs(v) <= std::numeric_limits<float>::max(); }  // false for NaN
 
@@ -76,8 +81,18 @@ class SplatsReader {
     }
     const std::size_t numbers = 11 + 3 * g.sh_count();
     // A mesh may stand in many nodes: they can be more than the file.
-    const HostMemory reserved(document_.name() + ": its Gaussians", 4.0 * static_cast<double>(numbers * count));
-    for (const Splats& s : found_) append(read_splats(s, g.sh_degree), g, static_cast<std::size_t>(count));
+    const double bytes = 4.0 * static_cast<double>(numbers) * static_cast<double>(count);
+    const HostMemory reserved(document_.name() + ": its Gaussians", found_.size() > 1 ? 2 * bytes : bytes);
+    for (const Splats& s : found_) {
+      Gaussians part = read_splats(s, g.sh_degree);
+      if (found_.size() == 1) {
+        g = std::move(part);
+      } else {
+        part.sh_degree = g.sh_degree;
+        reserve(g, static_cast<std::size_t>(count));
+        vsplat::append(g, part);
+      }
+    }
     skips_.report(count);
     read_extras(scene);
     return scene;
@@ -146,6 +161,20 @@ class SplatsReader {
   }
 
   void add_mesh(const GltfValue& mesh, const Eigen::Matrix4d& world) {
+    const bool moved = !world.isIdentity(0);
+    for (const GltfValue& primitive : parts_of(mesh)) {
+      if (found_.size() == kMostParts)
+        mesh.wrong(
+            fmt::format("brings the primitives that the nodes show to more than {}, which are not read", kMostParts));
+      found_.push_back({primitive, moved ? similarity(mesh, world) : Similarity(), moved});
+    }
+  }
+
+  // A mesh's primitives of Gaussians, which are looked for only once.
+  const std::vector<GltfValue>& parts_of(const GltfValue& mesh) {
+    const auto [known, is_new] = parts_.try_emplace(&mesh.json());
+    std::vector<GltfValue>& out = known->second;
+    if (!is_new) return out;
     for (std::size_t i = 0; i < mesh["primitives"].size(); ++i) {
       const GltfValue primitive = mesh["primitives"][i], extension = primitive["extensions"][kExtension];
       if (!extension.exists()) continue;
@@ -158,9 +187,9 @@ class SplatsReader {
       if (extension["colorSpace"].text("") == "lin_rec709_display")
         warn("{}: {}: colours in linear light are read as they are, as sRGB: they become darker", document_.name(),
              printable(extension.place()));
-      const bool moved = !world.isIdentity(0);
-      found_.push_back({primitive, moved ? similarity(mesh, world) : Similarity(), moved});
+      out.push_back(primitive);
     }
+    return out;
   }
 
   static GltfValue attribute(const GltfValue& primitive, const std::string& name) {
@@ -277,21 +306,13 @@ class SplatsReader {
     ++g.count;
   }
 
-  // Moves the Gaussians of a primitive to the end of all.
-  static void append(Gaussians part, Gaussians& all, std::size_t count) {
-    if (part.count == count) {
-      all = std::move(part);
-      return;
-    }
-    const auto add = [](std::vector<float>& to, const std::vector<float>& from) {
-      to.insert(to.end(), from.begin(), from.end());
-    };
-    add(all.means, part.means);
-    add(all.scales, part.scales);
-    add(all.quats, part.quats);
-    add(all.opacities, part.opacities);
-    add(all.sh, part.sh);
-    all.count += part.count;
+  // Reserves memory for `count` Gaussians.
+  static void reserve(Gaussians& g, std::size_t count) {
+    g.means.reserve(3 * count);
+    g.scales.reserve(3 * count);
+    g.quats.reserve(4 * count);
+    g.opacities.reserve(count);
+    g.sh.reserve(3 * g.sh_count() * count);
   }
 
   // What write_glb_scene() notes, unless another program has moved the Gaussians since.
@@ -307,12 +328,20 @@ class SplatsReader {
   GltfDocument& document_;
   GaussianSkips skips_;
   std::vector<Splats> found_;
+  std::map<const nlohmann::json*, std::vector<GltfValue>> parts_;  // of each mesh
 };
 
 }  // namespace
 
 Scene read_gltf_scene(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
-  GltfDocument document(name, content);
+  GltfDocument document(name, content, "");
+  return SplatsReader(document, skipped).read();
+}
+
+Scene read_gltf_file(const std::string& path, SkippedGaussians* skipped) {
+  const std::vector<unsigned char> content = read_file(path);
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  GltfDocument document(path, std::as_bytes(std::span(content)), folder.empty() ? "." : folder.string());
   return SplatsReader(document, skipped).read();
 }
 

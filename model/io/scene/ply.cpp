@@ -279,7 +279,7 @@ void look_at_activated(const std::string& path, const Layout& layout, const Gaus
         path);
 }
 
-Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
+Scene read_any_ply(PlyFile& in, SkippedGaussians* skipped) {
   const std::string& path = in.path();
   const PlyHeader header = read_ply_header(in);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
@@ -300,12 +300,12 @@ Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
 
 Scene read_ply(const std::string& path, SkippedGaussians* skipped) {
   PlyFile in(path);
-  return read_ply(in, skipped);
+  return read_any_ply(in, skipped);
 }
 
 Scene read_ply(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
   PlyFile in(name, content);
-  return read_ply(in, skipped);
+  return read_any_ply(in, skipped);
 }
 
 }  // namespace vsplat

@@ -62,9 +62,15 @@ std::string version_of(std::string_view format, std::string_view beginning) {
   return "";
 }
 
-// Where positions point in files of the formats that define it.
-std::string axes_of_format(std::string_view format) {
-  if (format == "spz") return "RUB";
+// Where positions point in files of the formats that define it; "" for an SPZ file whose extensions may say otherwise.
+std::string axes_of_format(std::string_view format, std::string_view beginning) {
+  constexpr std::size_t flags = 14;  // of SPZ's header
+  constexpr unsigned extensions = 2;
+  if (format == "spz") {
+    const std::string unzipped = beginning.starts_with("NGSP") ? "" : unzipped_beginning(beginning);
+    const std::string_view header = unzipped.empty() ? beginning : std::string_view(unzipped);
+    return header.size() > flags && (static_cast<unsigned char>(header[flags]) & extensions) == 0 ? "RUB" : "";
+  }
   if (format == "gltf" || format == "glb") return "LUF";
   return "";
 }
@@ -85,7 +91,7 @@ SceneFileFacts facts_of_scene_file(const std::string& path) {
   if (out.format->name == "ply" && header.find(" packed_position") != std::string_view::npos)
     out.format = &scene_format("compressed-ply");
   out.version = version_of(out.format->name, beginning);
-  out.axes = axes_of_format(out.format->name);
+  out.axes = axes_of_format(out.format->name, beginning);
   out.bytes = std::filesystem::file_size(path);
   return out;
 }

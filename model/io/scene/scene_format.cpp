@@ -37,7 +37,8 @@ bool is_json(std::string_view text) {
 }
 
 bool is_sog_meta(std::string_view text) {
-  return is_json(text) && text.find("\"means\"") != text.npos && text.find("\"quats\"") != text.npos;
+  // A codebook, which may be long, stands before the other fields.
+  return is_json(text) && text.find("\"means\"") != text.npos && text.find("\"mins\"") != text.npos;
 }
 
 // A zip's first entry is one of SOG's: other zip archives are models, or arrays.
@@ -57,48 +58,72 @@ bool is_gltf(std::span<const std::byte> beginning) {
   return is_json(text) && (text.find("\"asset\"") != text.npos || text.find("KHR_gaussian_splatting") != text.npos);
 }
 
+Scene read_sog_bytes(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
+  if (is_json(text_of(content.first(std::min(content.size(), kSceneBeginning)))))
+    fail(Status::format, "{}: the meta.json of a SOG scene, whose planes are files beside it: give its path", name);
+  return read_sog(name, content, skipped);
+}
+
 Scene read_sog_path(const std::string& path, SkippedGaussians* skipped) {
   const std::vector<unsigned char> content = read_file(path);
   const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
   return is_json(text) ? read_sog_folder(path, skipped) : read_sog(path, std::as_bytes(std::span(content)), skipped);
 }
 
+// Writes a format that has no options.
+template <void (*write)(const std::string&, const Scene&)>
+void write_plainly(const std::string& path, const Scene& scene, const SceneWriteOptions&) {
+  write(path, scene);
+}
+
 constexpr SceneFieldsKept kAllFields{true, true, true, true, true, true, true};
 constexpr SceneFieldsKept kAllOfVolumes{false, true, true, true, true, true, true};
 
+constexpr SceneFormat gltf_row(std::string_view name, std::string_view title, std::string_view ending,
+                               decltype(SceneFormat::recognises) recognises, decltype(SceneFormat::write) write) {
+  return {.name = name,
+          .title = title,
+          .endings = ending,
+          .sh_read = 3,
+          .sh_written = 3,
+          .lossless = true,
+          .kept = kAllOfVolumes,
+          .lost = "surfels; spherical harmonics of degree 4",
+          .opened_by = "programs that know the extension",
+          .recognises = recognises,
+          .read = read_gltf_scene,
+          .read_path = read_gltf_file,
+          .write = write};
+}
+
 // The first format that recognises a file's content reads it.
 const std::array kSceneTable = {
-    SceneFormat{
-        .name = "ply",
-        .title = "3DGS PLY",
-        .endings = ".ply",
-        .sh_read = 4,
-        .sh_written = 4,
-        .lossless = true,
-        .kept = kAllFields,
-        .lost = "nothing",
-        .opened_by = "nearly every program for Gaussian splats",
-        .recognises = is_ply,
-        .read = [](const std::string& name, std::span<const std::byte> content,
-                   SkippedGaussians* skipped) { return read_ply(name, content, skipped); },
-        .read_path = [](const std::string& path, SkippedGaussians* skipped) { return read_ply(path, skipped); },
-        .write = [](const std::string& path, const Scene& scene, const SceneWriteOptions&) { write_ply(path, scene); }},
+    SceneFormat{.name = "ply",
+                .title = "3DGS PLY",
+                .endings = ".ply",
+                .sh_read = 4,
+                .sh_written = 4,
+                .lossless = true,
+                .kept = kAllFields,
+                .lost = "nothing",
+                .opened_by = "nearly every program for Gaussian splats",
+                .recognises = is_ply,
+                .read = read_ply,
+                .read_path = read_ply,
+                .write = write_plainly<write_ply>},
     // Its files are read as those of "ply", whose signature they have.
-    SceneFormat{
-        .name = "compressed-ply",
-        .title = "PlayCanvas compressed PLY",
-        .endings = ".compressed.ply",
-        .sh_read = 4,
-        .sh_written = 3,
-        .kept = {.near = true, .up = true, .mirror = true, .detail = true, .offset = true, .antialias = true},
-        .lost = "more than 8 to 11 bits a value; coefficients beyond 4; the order; surfels",
-        .opened_by = "SuperSplat, PlayCanvas, Spark, splat-transform",
-        .read = [](const std::string& name, std::span<const std::byte> content,
-                   SkippedGaussians* skipped) { return read_ply(name, content, skipped); },
-        .read_path = [](const std::string& path, SkippedGaussians* skipped) { return read_ply(path, skipped); },
-        .write = [](const std::string& path, const Scene& scene,
-                    const SceneWriteOptions&) { write_compressed_ply(path, scene); },
-        .rounding = [](const Scene& scene, const SceneWriteOptions&) { return compressed_ply_rounding(scene); }},
+    SceneFormat{.name = "compressed-ply",
+                .title = "PlayCanvas compressed PLY",
+                .endings = ".compressed.ply",
+                .sh_read = 4,
+                .sh_written = 3,
+                .kept = kAllOfVolumes,
+                .lost = "more than 8 to 11 bits a value; coefficients beyond 4; the order; surfels",
+                .opened_by = "SuperSplat, PlayCanvas, Spark, splat-transform",
+                .read = read_ply,
+                .read_path = read_ply,
+                .write = write_plainly<write_compressed_ply>,
+                .rounding = compressed_ply_rounding},
     SceneFormat{.name = "spz",
                 .title = "SPZ",
                 .endings = ".spz",
@@ -112,49 +137,23 @@ const std::array kSceneTable = {
                 .read = read_spz,
                 .write = [](const std::string& path, const Scene& scene,
                             const SceneWriteOptions& options) { write_spz(path, scene, options.spz_version); },
-                .rounding = [](const Scene& scene,
-                               const SceneWriteOptions& options) { return spz_rounding(scene, options.spz_version); }},
-    SceneFormat{
-        .name = "sog",
-        .title = "SOG",
-        .endings = ".sog",
-        .sh_read = 3,
-        .sh_written = 3,
-        .kept = kAllOfVolumes,
-        .lost = "more than 16 bits a position and 8 bits any other value; coefficients above degree 0 but for "
-                "those of a palette; the order; surfels",
-        .opened_by = "PlayCanvas, SuperSplat, Spark, splat-transform",
-        .recognises = is_sog,
-        .read = read_sog,
-        .read_path = read_sog_path,
-        .write = [](const std::string& path, const Scene& scene, const SceneWriteOptions&) { write_sog(path, scene); },
-        .rounding = [](const Scene& scene, const SceneWriteOptions&) { return sog_rounding(scene); }},
-    SceneFormat{.name = "glb",
-                .title = "GLB with KHR_gaussian_splatting",
-                .endings = ".glb",
+                .rounding = spz_rounding},
+    SceneFormat{.name = "sog",
+                .title = "SOG",
+                .endings = ".sog",
                 .sh_read = 3,
                 .sh_written = 3,
-                .lossless = true,
                 .kept = kAllOfVolumes,
-                .lost = "surfels",
-                .opened_by = "programs that know the extension",
-                .recognises = is_glb,
-                .read = read_gltf_scene,
-                .write = [](const std::string& path, const Scene& scene,
-                            const SceneWriteOptions&) { write_glb_scene(path, scene); }},
-    SceneFormat{.name = "gltf",
-                .title = "glTF with KHR_gaussian_splatting",
-                .endings = ".gltf",
-                .sh_read = 3,
-                .sh_written = 3,
-                .lossless = true,
-                .kept = kAllOfVolumes,
-                .lost = "surfels",
-                .opened_by = "programs that know the extension",
-                .recognises = is_gltf,
-                .read = read_gltf_scene,
-                .write = [](const std::string& path, const Scene& scene,
-                            const SceneWriteOptions&) { write_gltf_scene(path, scene); }},
+                .lost = "more than 16 bits a position and 8 bits any other value; coefficients above degree 0 but for "
+                        "those of a palette; the order; surfels",
+                .opened_by = "PlayCanvas, SuperSplat, Spark, splat-transform",
+                .recognises = is_sog,
+                .read = read_sog_bytes,
+                .read_path = read_sog_path,
+                .write = write_plainly<write_sog>,
+                .rounding = sog_rounding},
+    gltf_row("glb", "GLB with KHR_gaussian_splatting", ".glb", is_glb, write_plainly<write_glb_scene>),
+    gltf_row("gltf", "glTF with KHR_gaussian_splatting", ".gltf", is_gltf, write_plainly<write_gltf_scene>),
     // It has no signature, so that it comes last.
     SceneFormat{.name = "splat",
                 .title = ".splat",
@@ -167,9 +166,8 @@ const std::array kSceneTable = {
                 .opened_by = "antimatter15/splat, Spark, PlayCanvas, SuperSplat",
                 .recognises = is_splat,
                 .read = read_splat,
-                .write = [](const std::string& path, const Scene& scene,
-                            const SceneWriteOptions&) { write_splat(path, scene); },
-                .rounding = [](const Scene& scene, const SceneWriteOptions&) { return splat_rounding(scene); }},
+                .write = write_plainly<write_splat>,
+                .rounding = splat_rounding},
 };
 
 // The length of the format's longest ending that `path` has; 0: none.
@@ -254,7 +252,7 @@ void write_scene(const std::string& path, const Scene& scene, const SceneWriteOp
   written_format(path).write(path, scene, options);
 }
 
-std::vector<std::string> losses(const SceneFormat& format, const Scene& scene, const SceneWriteOptions& options) {
+std::vector<std::string> losses(const SceneFormat& format, const Scene& scene) {
   std::vector<std::string> out;
   const SceneFieldsKept& kept = format.kept;
   const Gaussians& g = scene.gaussians;
@@ -265,7 +263,7 @@ std::vector<std::string> losses(const SceneFormat& format, const Scene& scene, c
     out.push_back(fmt::format("surfels become Gaussians with a third standard deviation of {} times the smaller one",
                               kWrittenThickness));
   if (format.rounding)
-    for (std::string& sentence : format.rounding(scene, options)) out.push_back(std::move(sentence));
+    for (std::string& sentence : format.rounding(scene)) out.push_back(std::move(sentence));
   if (scene.near != Scene().near && !kept.near) out.push_back(fmt::format("the near plane, {}, is lost", scene.near));
   if (scene.up && !kept.up)
     out.push_back(fmt::format("the up direction, {} {} {}, is lost", (*scene.up)[0], (*scene.up)[1], (*scene.up)[2]));

@@ -26,7 +26,7 @@ struct SceneFormat {
   std::string_view endings;  // lower case, separated by spaces; of two that match, the longer one counts
   int sh_read = 3;           // highest degree of spherical harmonics
   int sh_written = 3;
-  bool lossless = false;  // every float keeps its value
+  bool lossless = false;  // values are kept to a few units of the last place of a float
   SceneFieldsKept kept;
   std::string_view lost;       // what no file of the format holds, for the table in the documents
   std::string_view opened_by;  // other programs
@@ -39,7 +39,7 @@ struct SceneFormat {
   // Writes a file whole or not at all; errors as OutputFile's. Null: not written.
   void (*write)(const std::string& path, const Scene& scene, const SceneWriteOptions& options) = nullptr;
   // How a written file rounds the values of `scene`, a sentence for each group of them; null: not at all.
-  std::vector<std::string> (*rounding)(const Scene& scene, const SceneWriteOptions& options) = nullptr;
+  std::vector<std::string> (*rounding)(const Scene& scene) = nullptr;
 };
 
 inline constexpr std::size_t kSceneBeginning = 4096;
@@ -67,6 +67,6 @@ Scene read_scene(const std::string& name, std::span<const std::byte> content, Sk
 void write_scene(const std::string& path, const Scene& scene, const SceneWriteOptions& options = {});
 
 // What a file of this format loses of this scene: a sentence for each field. Empty if it keeps all.
-std::vector<std::string> losses(const SceneFormat& format, const Scene& scene, const SceneWriteOptions& options = {});
+std::vector<std::string> losses(const SceneFormat& format, const Scene& scene);
 
 }  // namespace vsplat

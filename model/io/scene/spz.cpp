@@ -5,22 +5,13 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "model/io/scene/spz_container.h"
 #include "model/io/scene/spz_values.h"
+#include "runtime/half.h"
 
 namespace vsplat {
 namespace {
-
-float from_half(std::uint16_t half) {
-  const int exponent = (half >> 10) & 31, fraction = half & 1023;
-  const float sign = half & 0x8000 ? -1.0f : 1.0f;
-  if (exponent == 31)
-    return fraction ? std::numeric_limits<float>::quiet_NaN() : sign * std::numeric_limits<float>::infinity();
-  if (exponent == 0) return sign * std::ldexp(static_cast<float>(fraction), -24);
-  return sign * std::ldexp(static_cast<float>(1024 + fraction), exponent - 25);
-}
 
 // Converts the three parts of a position.
 void read_position(const SpzContainer& spz, std::size_t k, double step, float* out) {

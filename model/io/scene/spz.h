@@ -21,7 +21,7 @@ Scene read_spz(const std::string& name, std::span<const std::byte> content, Skip
 // volumes_to_write(), and if a position is beyond what 24 bits hold.
 void write_spz(const std::string& path, const Scene& scene, int version = 4);
 
-// How write_spz() rounds this scene.
-std::vector<std::string> spz_rounding(const Scene& scene, int version = 4);
+// How write_spz() rounds this scene in its newest version.
+std::vector<std::string> spz_rounding(const Scene& scene);
 
 }  // namespace vsplat

@@ -59,6 +59,8 @@ SpzContainer read_header(const std::string& name, const std::byte* at, std::uint
   if (out.count == 0 || out.count > INT32_MAX || all > std::max(kFewBytes, kMostRatio * file_size))
     fail(Status::format, "{}: count (byte 8 of its SPZ header): {} Gaussians, which no file of {} bytes holds", name,
          out.count, file_size);
+  const double floats = 11.0 + 3.0 * static_cast<double>(out.coefficients() + 1);
+  out.reserved = HostMemory(name + ": its Gaussians", static_cast<double>(all) + 4 * floats * out.count);
   return out;
 }
 
@@ -123,7 +125,11 @@ SpzContainer unpack_gzip(const std::string& name, std::span<const std::byte> con
   Inflater in(name, content);
   std::array<std::byte, kSpzOldHeader> header{};
   if (const std::size_t got = in.read(header.data(), header.size()); got != header.size())
-    fail(Status::format, "{}: {} bytes in its gzip data: an SPZ header has {}", name, got, header.size());
+    fail(Status::format, "{}: {} bytes in its gzip data: an SPZ header has {}; unpack other files with gunzip", name,
+         got, header.size());
+  if (number_at<std::uint32_t>(header.data()) != kSpzMagic)
+    fail(Status::format, "{}: byte 0 of its gzip data begins {:#x}, not NGSP as in an SPZ scene: unpack it with gunzip",
+         name, number_at<std::uint32_t>(header.data()));
   SpzContainer out = read_header(name, header.data(), content.size());
   if (out.version == kSpzNewest)
     fail(Status::format, "{}: version 4 (byte 4 of its SPZ header) in gzip data: 1 to 3 are expected there", name);

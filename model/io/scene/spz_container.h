@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "runtime/system/host_memory.h"
+
 namespace vsplat {
 
 inline constexpr int kSpzOldest = 1, kSpzNewest = 4;
@@ -27,14 +29,15 @@ struct SpzContainer {
   // front.
   std::uint32_t frame = 4;
   std::array<std::vector<std::uint8_t>, kSpzStreams> streams;
+  HostMemory reserved;  // for the streams that were read, and the floats that are made of them
 
   std::size_t coefficients() const { return static_cast<std::size_t>((degree + 1) * (degree + 1) - 1); }
   // Bytes of a Gaussian in a stream.
   std::size_t bytes_of(std::size_t stream) const;
 };
 
-// Throws Error(format) with the path, the field, its byte and what is expected. Allocates at most 64 MiB, or a
-// thousand times the file's size if that is more.
+// Throws Error(memory), and Error(format) with the path, the field, its byte and what is expected. Allocates at most 64
+// MiB, or a thousand times the file's size if that is more.
 SpzContainer unpack_spz(const std::string& name, std::span<const std::byte> content);
 
 // The file's bytes; equal streams give equal bytes.

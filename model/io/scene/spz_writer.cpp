@@ -121,7 +121,7 @@ void write_spz(const std::string& path, const Scene& scene, int version) {
   file.commit();
 }
 
-std::vector<std::string> spz_rounding(const Scene& scene, int version) {
+std::vector<std::string> spz_rounding(const Scene& scene) {
   const Gaussians& g = scene.gaussians;
   std::size_t scales = 0, colours = 0, coefficients = 0;
   for (const float s : g.scales) {
@@ -138,8 +138,7 @@ std::vector<std::string> spz_rounding(const Scene& scene, int version) {
   std::vector<std::string> out = {
       fmt::format("positions are rounded to {:.3g}", std::ldexp(1.0, -bits_for(farthest(g)))),
       "scales are rounded to 1/16 of their logarithm",
-      version < 3 ? "rotations are rounded to 1/127 in three parts of the quaternion"
-                  : "rotations are rounded to 1/723 in three parts of the quaternion",
+      "rotations are rounded to 1/723 in three parts of the quaternion, in version 2 to 1/127",
       "opacities are rounded to 1/255, and colours to 1/38 of their coefficient"};
   if (g.sh_degree > 0)
     out.push_back(fmt::format("spherical harmonics above degree 0 are rounded to {:.3g}", kShBucket / kSpzShSteps));

@@ -47,6 +47,21 @@ TEST(SceneDifference, EqualScenesHaveNone) {
   }
 }
 
+// Without a spread, distances do not show the order.
+TEST(SceneDifference, OfOneGaussianAndOfCoincidentOnes) {
+  Scene one = scene_of(1), moved = one;
+  moved.gaussians.means[0] += 0.25f;
+  EXPECT_TRUE(difference(one, moved).in_order);
+  EXPECT_NEAR(difference(one, moved).means.largest, 0.25, 1e-6);
+  Scene all = scene_of(4);
+  for (std::size_t i = 0; i < all.gaussians.means.size(); ++i) all.gaussians.means[i] = 1;
+  moved = all;
+  moved.gaussians.means[3 * 2] += 0.25f;
+  const SceneDifference d = difference(all, moved);
+  EXPECT_NEAR(d.means.largest, 0.25, 1e-6);
+  EXPECT_EQ(d.sh.largest, 0) << "each is compared with itself, the one most like it";
+}
+
 // One value of each kind is changed by a known amount, with the Gaussians in order and in another.
 TEST(SceneDifference, FindsWhatWasChanged) {
   const Scene scene = scene_of(400);

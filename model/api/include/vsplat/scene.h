@@ -60,7 +60,7 @@ typedef struct vsplat_scene_format {
   int32_t reads;         /* 1: vsplat_scene_load reads it */
   int32_t writes;        /* 1: vsplat_scene_save writes it */
   int32_t sh_degree;     /* highest degree of spherical harmonics that is written */
-  int32_t lossless;      /* 1: every value is read as it was written */
+  int32_t lossless;      /* 1: values are kept to a few units of the last place of a float */
   const char* lost;      /* what no file of the format holds, in English */
   const char* opened_by; /* other programs that open it, in English */
 } vsplat_scene_format;

@@ -30,7 +30,7 @@ Scene read_bytes(const std::string& name, const std::string& bytes, SkippedGauss
   return read_gltf_scene(name, std::as_bytes(std::span(bytes)), skipped);
 }
 
-Scene read_path(const std::string& path) { return read_bytes(path, test::contents_of(path)); }
+Scene read_path(const std::string& path) { return read_gltf_file(path); }
 
 Eigen::Vector3d vector_of(const json& v) { return {v[0].get<double>(), v[1].get<double>(), v[2].get<double>()}; }
 
@@ -70,6 +70,9 @@ TEST(GltfSplats, ReadsOthersFiles) {
   expect_file("plain.glb");
   expect_file("turned.gltf");
   expect_file("beside.gltf");
+  // Files of the current folder are not those of a scene in memory.
+  const std::string bytes = test::contents_of(test::golden_file("gltf/beside.gltf"));
+  test::expect_error(Status::format, {"a scene", "buffers[0].uri", "in memory"}, [&] { read_bytes("a scene", bytes); });
 }
 
 class GltfSplatsWriter : public ::testing::Test {

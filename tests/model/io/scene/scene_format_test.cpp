@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <cmath>
@@ -213,6 +214,30 @@ TEST_F(SceneFormats, AreNotOtherFilesOfTheSameContainers) {
     test::put_file(folder_ / one.name, one.bytes);
     test::expect_error(Status::format, one.words, [&] { read_scene(folder_ / one.name); });
   }
+}
+
+TEST_F(SceneFormats, SogIsReadFromAFolderByItsMeta) {
+  const std::string meta = test::golden_file("sog/folder/meta.json");
+  EXPECT_GT(read_scene(meta).gaussians.count, 0u);
+  const std::string text = test::contents_of(meta);
+  test::expect_error(Status::format, {"in memory", "give its path"},
+                     [&] { read_scene("a scene in memory", std::as_bytes(std::span(text))); });
+}
+
+TEST_F(SceneFormats, OtherGzipFilesAreNamed) {
+  std::string packed(200, '\0');
+  const std::string text = "ply\nformat ascii 1.0\n";
+  z_stream stream{};
+  ASSERT_EQ(deflateInit2(&stream, 9, Z_DEFLATED, 16 + MAX_WBITS, 8, Z_DEFAULT_STRATEGY), Z_OK);
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(text.data()));
+  stream.avail_in = static_cast<uInt>(text.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  ASSERT_EQ(deflate(&stream, Z_FINISH), Z_STREAM_END);
+  packed.resize(packed.size() - stream.avail_out);
+  deflateEnd(&stream);
+  test::put_file(folder_ / "a.ply.gz", packed);
+  test::expect_error(Status::format, {"a.ply.gz", "gunzip"}, [&] { read_scene(folder_ / "a.ply.gz"); });
 }
 
 TEST_F(SceneFormats, WriteTheSameBytesEachTime) {
