@@ -86,6 +86,10 @@ std::optional<ForeignFile> text_kind(const std::string& path, std::string_view b
   if (from.starts_with("<?xml") || from.starts_with("<svg")) return ForeignFile{"XML or SVG"};
   if (from.starts_with("{") || from.starts_with("[")) {
     if (has_text(begin, "\"means\"") && has_text(begin, "\"mins\"")) return ForeignFile{"the meta.json of a SOG scene"};
+    if (has_text(begin, "\"lodLevels\""))
+      return ForeignFile{"the index of a streamed SOG scene, which is not read",
+                         "give the meta.json of one of its parts, which lie in folders beside it"};
+    if (lower_ending(path) == ".lcc") return other_scene(path, "an LCC file of Gaussians");
     if (has_text(begin, "\"asset\"") && has_text(begin, "\"version\"")) return other_mesh(path, "a glTF file");
     if (has_text(begin, "\"frames\"") || has_text(begin, "\"w2c\"") || has_text(begin, "\"camera_angle_x\"") ||
         has_text(begin, "\"rotation\""))
@@ -99,6 +103,7 @@ std::optional<ForeignFile> by_beginning(const std::string& path, std::string_vie
   if (const auto found = media_kind(path, begin)) return found;
   if (const auto found = archive_kind(path, begin)) return found;
   if (begin.starts_with("NGSP")) return ForeignFile{"an SPZ file of Gaussians"};
+  if (begin.starts_with("RAD0")) return other_scene(path, "a RAD file of Gaussians");
   if (begin.starts_with("glTF"))
     return has_text(begin, "KHR_gaussian_splatting") ? ForeignFile{"a glTF file of Gaussians"}
                                                      : other_mesh(path, "a GLB file");
@@ -141,7 +146,7 @@ std::optional<ForeignFile> by_ending(const std::string& path) {
   if (ending == ".splat") return ForeignFile{"a .splat file of Gaussians"};
   if (ending == ".ksplat") return other_scene(path, "a .ksplat file of Gaussians");
   if (ending == ".sog") return ForeignFile{"a SOG file of Gaussians by its ending"};
-  if (ending == ".lcc") return other_scene(path, "an LCC file of Gaussians");
+  if (ending == ".lcc" || ending == ".lcc2") return other_scene(path, "an LCC file of Gaussians");
   if (ending == ".obj" || ending == ".stl") return other_mesh(path, ending == ".obj" ? "an OBJ file" : "an STL file");
   if (ending == ".tga") return other_picture(path, "a TGA picture", "convert");
   return std::nullopt;

@@ -127,7 +127,7 @@ def main():
     folder = pathlib.Path(sys.argv[1])
     random = np.random.default_rng(20261127)
     for name, arguments, how in (("version2_degree3", (2, 70, 3, 65), zipfile.ZIP_STORED), ("version2_degree0", (2, 9, 0, 0), zipfile.ZIP_DEFLATED),
-                                 ("version2_degree1", (2, 20, 1, 300, "mip"), zipfile.ZIP_STORED),
+                                 ("version2_degree1", (2, 20, 1, 300, "antialiased"), zipfile.ZIP_STORED),
                                  ("version1_degree2", (1, 30, 2, 64), zipfile.ZIP_STORED), ("folder", (2, 5, 1, 3), None)):
         files, values = make(random, *arguments)
         if how is None:

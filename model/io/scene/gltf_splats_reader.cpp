@@ -66,10 +66,14 @@ class SplatsReader {
 
   Scene read() {
     find();
-    if (found_.empty())
-      fail(Status::format,
-           "{}: no primitive has the extension {}: a mesh, or an empty scene, where Gaussians are expected",
-           document_.name(), kExtension);
+    if (found_.empty()) {
+      const std::string other = other_extension();
+      fail(Status::format, "{}: no primitive has the extension {}: {} where Gaussians are expected", document_.name(),
+           kExtension,
+           other.empty() ? "a mesh, or an empty scene,"
+                         : "Gaussians by the extension " + other + ", which is not read,");
+    }
+    refuse_other_requirements();
     Scene scene;
     Gaussians& g = scene.gaussians;
     std::uint64_t count = 0;
@@ -129,6 +133,23 @@ class SplatsReader {
       if (node["mesh"].exists()) add_mesh(document_.in("meshes", node["mesh"]), world);
       add(node["children"], world);
     }
+  }
+
+  // An older or later extension for Gaussians that the file uses; "" if none.
+  std::string other_extension() const {
+    const GltfValue used = document_.root()["extensionsUsed"];
+    for (std::size_t i = 0; i < used.size(); ++i)
+      if (const std::string name = used[i].text(""); name != kExtension && name.find("gaussian_splat") != name.npos)
+        return name;
+    return "";
+  }
+
+  // An extension that the file requires may change what everything else means.
+  void refuse_other_requirements() const {
+    const GltfValue required = document_.root()["extensionsRequired"];
+    for (std::size_t i = 0; i < required.size(); ++i)
+      if (const std::string name = required[i].text(""); name != kExtension && name != "KHR_mesh_quantization")
+        required[i].wrong("requires the extension " + printable(name) + ", which is not read");
   }
 
   static Eigen::Matrix4d matrix_of(const GltfValue& node) {

@@ -59,6 +59,7 @@ void read_comments(const std::string& path, const PlyHeader& header, GaussianKin
     std::string who, what;
     in >> who >> what;
     if (who == "SplatRenderMode:") read_render_mode(path, what, kind, scene);
+    if (who == "antialiased" && what == "1") read_render_mode(path, "mip", kind, scene);  // as Postshot writes it
     if (who != "vsplat") continue;
     if (what == "near") {
       scene.near = comment_numbers<float>(path, comment, in, 1)[0];

@@ -55,7 +55,9 @@ bool is_sog(std::span<const std::byte> beginning) {
 
 bool is_gltf(std::span<const std::byte> beginning) {
   const std::string_view text = text_of(beginning);
-  return is_json(text) && (text.find("\"asset\"") != text.npos || text.find("KHR_gaussian_splatting") != text.npos);
+  const auto has = [&](std::string_view word) { return text.find(word) != text.npos; };
+  // The index of a streamed SOG scene has an "asset", too.
+  return is_json(text) && (has("KHR_gaussian_splatting") || (has("\"asset\"") && !has("\"lodLevels\"")));
 }
 
 Scene read_sog_bytes(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
@@ -89,7 +91,7 @@ constexpr SceneFormat gltf_row(std::string_view name, std::string_view title, st
           .lossless = true,
           .kept = kAllOfVolumes,
           .lost = "surfels; spherical harmonics of degree 4",
-          .opened_by = "programs that know the extension",
+          .opened_by = "PlayCanvas, Babylon.js, three.js",
           .recognises = recognises,
           .read = read_gltf_scene,
           .read_path = read_gltf_file,
@@ -132,7 +134,7 @@ const std::array kSceneTable = {
                 .kept = {.antialias = true},
                 .lost = "more than 24 bits a position and 8 bits any other value; coefficients beyond 1; surfels; near "
                         "plane, up, mirror point, detail, offset",
-                .opened_by = "Spark, PlayCanvas, Scaniverse, Niantic Studio, splat-transform",
+                .opened_by = "PlayCanvas, Niantic Studio, Scaniverse, splat-transform; versions 2 and 3: Spark",
                 .recognises = is_spz,
                 .read = read_spz,
                 .write = [](const std::string& path, const Scene& scene,

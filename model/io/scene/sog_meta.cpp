@@ -181,10 +181,12 @@ SogMeta parse_sog_meta(const std::string& what, const std::string& text) {
   }
   if (const auto model = value.find("model"); model != value.end() && model->is_string()) {
     const std::string mode = model->get<std::string>();
-    out.scene.antialias = mode == "mip";
-    if (mode != "mip" && mode != "default" && mode != "2dgs")
-      warn("{}: model {} is ignored: default, mip or 2dgs expected", what, shown(*model));
+    out.scene.antialias = mode == "antialiased" || mode == "mip";  // mip: as in a PLY file
+    if (!out.scene.antialias && mode != "default" && mode != "2dgs")
+      warn("{}: model {} is ignored: default, antialiased or 2dgs expected", what, shown(*model));
   }
+  if (const auto flag = value.find("antialias"); flag != value.end() && flag->is_boolean())
+    out.scene.antialias = out.scene.antialias || flag->get<bool>();
   if (const auto notes = value.find("vsplat"); notes != value.end()) read_notes(what, *notes, out.scene);
   return out;
 }

@@ -220,7 +220,8 @@ void write_sog(const std::string& path, const Scene& scene) {
   if (g.count > kMostWritten)
     fail(Status::input, "{}: {} Gaussians: a SOG file holds at most {}", path, g.count, kMostWritten);
   SogPlanes planes(g);
-  if (scene.antialias) planes.meta()["model"] = "mip";
+  // The format's description has the flag, the programs that play such files the model's name.
+  if (scene.antialias) planes.meta()["antialias"] = true, planes.meta()["model"] = "antialiased";
   planes.meta()["vsplat"] = notes_of(scene);
   const std::string meta = planes.meta().dump();
   std::vector<NamedBytes> files = planes.take();

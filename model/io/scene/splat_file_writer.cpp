@@ -50,12 +50,14 @@ std::vector<std::string> splat_rounding(const Scene& scene) {
   for (std::size_t k = 0; k < g.count; ++k)
     for (std::size_t c = 0; c < 3; ++c) {
       const double colour = 0.5 + kShC0 * static_cast<double>(g.sh[3 * k * g.sh_count() + c]);
-      beyond += colour < 0 || colour > 1;
+      beyond += colour < -0.5 / 255 || colour > 1 + 0.5 / 255;  // nearer ones are only rounded
     }
   std::vector<std::string> out = {"colours and opacities are rounded to 1/255",
                                   "rotations are rounded to 1/128 in each part of the quaternion",
                                   "Gaussians are sorted by size and opacity"};
-  if (beyond) out.push_back(fmt::format("{} colour values outside 0 to 1 are clamped to it", beyond));
+  if (beyond)
+    out.push_back(fmt::format("{} colour value{} outside 0 to 1 {} clamped to it", beyond, beyond == 1 ? "" : "s",
+                              beyond == 1 ? "is" : "are"));
   return out;
 }
 

@@ -208,6 +208,21 @@ TEST(GltfDamage, NamesTheField) {
         e["extensions"]["KHR_gaussian_splatting_compression_spz"] = json::object();
       },
       {"compressed by KHR_gaussian_splatting_compression_spz"});
+  expect_refused(
+      [](json& j) {
+        j["meshes"][0]["primitives"][0]["extensions"] = {{"KHR_spz_gaussian_splats_compression", json::object()}};
+        j["extensionsUsed"] = {"KHR_spz_gaussian_splats_compression"};
+      },
+      {"KHR_spz_gaussian_splats_compression, which is not read"});
+  EXPECT_NO_THROW(read_bytes("a.gltf", changed([](json& j) {
+                               j["extensionsRequired"] = {"KHR_gaussian_splatting", "KHR_mesh_quantization"};
+                               j["extensionsUsed"] = {"KHR_gaussian_splatting", "VENDOR_name"};
+                             })));
+  expect_refused(
+      [](json& j) {
+        j["extensionsRequired"] = {"KHR_gaussian_splatting", "VENDOR_turned"};
+      },
+      {"extensionsRequired[1]", "VENDOR_turned"});
   expect_refused([](json& j) { j["nodes"][1]["scale"] = {1, 2, 1}; }, {"scale evenly"});
   expect_refused([](json& j) { j["nodes"][1]["scale"] = {-1, -1, -1}; }, {"scale evenly"});
   expect_refused([](json& j) { j["nodes"][1]["children"] = {0}; }, {"nodes[1].children[0]", "tree"});

@@ -146,6 +146,10 @@ TEST_F(Ply, AntialiasingIsTheRenderModeMip) {
     put(header(1, kPlain, fmt::format("comment SplatRenderMode: {}\n", mode)) + floats(kRow));
     EXPECT_FALSE(read_ply(path()).antialias) << mode;
   }
+  for (const int flag : {0, 1}) {  // as Postshot writes it
+    put(header(1, kPlain, fmt::format("comment antialiased {}\n", flag)) + floats(kRow));
+    EXPECT_EQ(read_ply(path()).antialias, flag == 1);
+  }
   EXPECT_EQ(warnings_.text(), "");
   put(header(1, kPlain, "comment SplatRenderMode: blurred\n") + floats(kRow));
   EXPECT_FALSE(read_ply(path()).antialias);

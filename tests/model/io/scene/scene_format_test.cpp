@@ -282,7 +282,7 @@ TEST_F(SceneFormats, TellEachLostField) {
   std::string all;
   for (const std::string& sentence : losses(scene_format("splat"), scene)) all += sentence + "\n";
   for (const char* word : {"degree 3 are cut to degree 0", "near plane, 0.1", "up direction, 0 0 1", "mirror point",
-                           "resolution", "offset", "anti-aliasing", "1 colour values", "1/255", "sorted"})
+                           "resolution", "offset", "anti-aliasing", "1 colour value", "1/255", "sorted"})
     EXPECT_NE(all.find(word), std::string::npos) << word << " in " << all;
   all.clear();
   for (const std::string& sentence : losses(scene_format("spz"), scene)) all += sentence + "\n";

@@ -13,6 +13,7 @@
 #include <span>
 
 #include "model/io/archive/memory_zip.h"
+#include "model/io/scene/sog_meta.h"
 #include "model/io/scene/webp_plane.h"
 #include "model/io/scene/written_gaussians.h"
 #include "tests/support/golden_file.h"
@@ -74,6 +75,16 @@ TEST(Sog, ReadsAFolder) { expect_scene(read_sog_folder(test::golden_file("sog/fo
 class SogWriter : public ::testing::Test {
  protected:
   Scene back() const { return read_bytes(test::contents_of(path_)); }
+
+  // The meta.json of two Gaussians.
+  json written_meta(bool antialias) const {
+    Scene scene;
+    scene.gaussians = test::make_scene({"", 2, 0, 0, 0, ""}, 1);
+    scene.antialias = antialias;
+    write_sog(path_, scene);
+    const std::string bytes = test::contents_of(path_);
+    return json::parse(MemoryZip(path_, std::as_bytes(std::span(bytes))).read("meta.json"));
+  }
 
   test::TemporaryFolder folder_;
   std::string path_ = folder_ / "scene.sog";
@@ -192,6 +203,25 @@ TEST_F(SogWriter, OneGaussianAndItsScenesFields) {
   EXPECT_EQ(read.detail->pixel, scene.detail->pixel);
   EXPECT_EQ(read.offset, scene.offset);
   EXPECT_TRUE(read.antialias);
+}
+
+// The format's description names one word, the programs that play such files another; a PLY file has a third.
+TEST_F(SogWriter, AntialiasingHasTwoNames) {
+  const json written = written_meta(true);
+  EXPECT_EQ(written.at("antialias"), true);
+  EXPECT_EQ(written.at("model"), "antialiased");
+  json meta = written_meta(false);
+  EXPECT_FALSE(meta.contains("antialias"));
+  EXPECT_FALSE(meta.contains("model"));
+  const auto antialias = [&] { return parse_sog_meta("meta.json", meta.dump()).scene.antialias; };
+  EXPECT_FALSE(antialias());
+  meta["antialias"] = true;
+  EXPECT_TRUE(antialias());
+  meta["antialias"] = false;
+  for (const auto& [model, wanted] : {std::pair("default", false), {"antialiased", true}, {"mip", true}}) {
+    meta["model"] = model;
+    EXPECT_EQ(antialias(), wanted) << model;
+  }
 }
 
 TEST_F(SogWriter, SurfelsGetAThirdScale) {

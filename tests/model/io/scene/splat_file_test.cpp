@@ -9,6 +9,7 @@
 
 #include "tests/support/golden_file.h"
 #include "tests/support/refusal.h"
+#include "tests/support/scenes.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -47,6 +48,17 @@ TEST(SplatFile, BadGaussiansAreErrorsOrCounted) {
   EXPECT_EQ(skipped.not_finite, 1u);
   EXPECT_EQ(skipped.zero_rotation, 1u);
   EXPECT_NE(warnings.text().find("2 of 9 Gaussians are left out"), std::string::npos) << warnings.text();
+}
+
+TEST(SplatFile, CountsOnlyColoursThatAByteCannotHold) {
+  Scene scene;
+  scene.gaussians = test::make_scene({"", 3, 0, 0, 0, ""}, 1);
+  const auto coefficient = [](double colour) { return static_cast<float>((colour - 0.5) / kShC0); };
+  const double edge = 1e-6;  // rounded, as all are
+  for (std::size_t i = 0; i < 9; ++i) scene.gaussians.sh[i] = coefficient(i % 2 ? -edge : 1 + edge);
+  for (const std::string& line : splat_rounding(scene)) EXPECT_EQ(line.find("clamped"), line.npos) << line;
+  scene.gaussians.sh[4] = coefficient(1.25);
+  EXPECT_EQ(splat_rounding(scene).back(), "1 colour value outside 0 to 1 is clamped to it");
 }
 
 TEST(SplatFile, IsKnownByItsRotations) {
