@@ -16,15 +16,17 @@ const unused = {
 };
 
 // PlayCanvas ends a Gaussian smoothly at 2.8 standard deviations. Other programs, and vsplat render, draw it unchanged down to an opacity of
-// 1/255.
+// 1/255. They also widen its variance by 0.3 square pixels; PlayCanvas, whose unit here is half a pixel, by a quarter of that.
 const exact = {
   name: 'exact-gaussians',
   setup(bundle) {
+    const wider = ['cov[0][0]', 'cov[1][1]'].flatMap((part) => [[`(${part} + 0.3)`, `(${part} + 1.2)`], [`= ${part} + 0.3;`, `= ${part} + 1.2;`]]);
     const edits = {
+      'gsplatCorner.js': wider,
       'gsplatCommon.js': [['min(1.0, sqrt(max(0.0, log(alpha / alphaClipValue))) * 0.5)', 'sqrt(max(0.0, log(alpha / alphaClipValue))) * 0.5']],
       'gsplat.js': [['normExp(A) * gaussianColor.a', 'exp(-4.0 * A) * gaussianColor.a'], ['if (A > 1.0) {', 'if (A > 1.5) {']]
     };
-    bundle.onLoad({filter: /glsl[\\/]chunks[\\/]gsplat[\\/](vert[\\/]gsplatCommon|frag[\\/]gsplat)\.js$/}, async ({path}) => {
+    bundle.onLoad({filter: /glsl[\\/]chunks[\\/]gsplat[\\/](vert[\\/]gsplatCo(mmon|rner)|frag[\\/]gsplat)\.js$/}, async ({path}) => {
       let contents = await readFile(path, 'utf8');
       for (const [from, to] of edits[path.split(/[\\/]/).pop()]) {
         if (!contents.includes(from)) throw new Error(`${path} has no ${from}`);

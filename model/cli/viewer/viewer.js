@@ -2280,12 +2280,12 @@ bool initCornerCov(SplatSource source, SplatCenter center, out SplatCorner corne
 	mat3 cov = transpose(T) * Vrk * T;
 	#if GSPLAT_AA
 		float detOrig = cov[0][0] * cov[1][1] - cov[0][1] * cov[0][1];
-		float detBlur = (cov[0][0] + 0.3) * (cov[1][1] + 0.3) - cov[0][1] * cov[0][1];
+		float detBlur = (cov[0][0] + 1.2) * (cov[1][1] + 1.2) - cov[0][1] * cov[0][1];
 		corner.aaFactor = sqrt(max(detOrig / detBlur, 0.0));
 	#endif
-	float diagonal1 = cov[0][0] + 0.3;
+	float diagonal1 = cov[0][0] + 1.2;
 	float offDiagonal = cov[0][1];
-	float diagonal2 = cov[1][1] + 0.3;
+	float diagonal2 = cov[1][1] + 1.2;
 	float mid = 0.5 * (diagonal1 + diagonal2);
 	float radius = length(vec2((diagonal1 - diagonal2) / 2.0, offDiagonal));
 	float lambda1 = mid + radius;
