@@ -103,7 +103,8 @@ std::optional<ForeignFile> by_beginning(const std::string& path, std::string_vie
   if (const auto found = media_kind(path, begin)) return found;
   if (const auto found = archive_kind(path, begin)) return found;
   if (begin.starts_with("NGSP")) return ForeignFile{"an SPZ file of Gaussians"};
-  if (begin.starts_with("RAD0")) return other_scene(path, "a RAD file of Gaussians");
+  if (begin.starts_with("RAD0"))
+    return ForeignFile{"a RAD file of Gaussians, which is not read", "save the scene as PLY or SPZ instead"};
   if (begin.starts_with("glTF"))
     return has_text(begin, "KHR_gaussian_splatting") ? ForeignFile{"a glTF file of Gaussians"}
                                                      : other_mesh(path, "a GLB file");

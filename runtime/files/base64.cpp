@@ -4,19 +4,22 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <limits>
-
-#include "runtime/fail.h"
 
 namespace vsplat {
 
+namespace {
+
+// libcrypto counts with ints, so long texts are converted in pieces: of 3 MiB of bytes, and of 4 MiB of text.
+constexpr std::size_t kBytesAtOnce = std::size_t{3} << 20, kTextAtOnce = std::size_t{4} << 20;
+
+}  // namespace
+
 std::string base64(const std::vector<unsigned char>& bytes) {
-  if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max() / 2))
-    fail(Status::internal, "{} bytes as base64: at most a GiB is possible", bytes.size());
   std::string out((bytes.size() + 2) / 3 * 4 + 1, 0);  // and a terminating 0
-  const int length =
-      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(out.data()), bytes.data(), static_cast<int>(bytes.size()));
-  out.resize(static_cast<std::size_t>(length));
+  for (std::size_t at = 0; at < bytes.size(); at += kBytesAtOnce)
+    EVP_EncodeBlock(reinterpret_cast<unsigned char*>(&out[at / 3 * 4]), &bytes[at],
+                    static_cast<int>(std::min(kBytesAtOnce, bytes.size() - at)));
+  out.pop_back();
   return out;
 }
 
@@ -29,10 +32,9 @@ std::optional<std::vector<unsigned char>> from_base64(std::string_view text) {
   });
   if (!plain || text.size() % 4 != 0) return std::nullopt;
   std::vector<unsigned char> out(text.size() / 4 * 3);
-  constexpr std::size_t piece = std::size_t{4} << 20;  // libcrypto counts with ints
-  for (std::size_t at = 0; at < text.size(); at += piece)
+  for (std::size_t at = 0; at < text.size(); at += kTextAtOnce)
     if (EVP_DecodeBlock(&out[at / 4 * 3], reinterpret_cast<const unsigned char*>(text.data()) + at,
-                        static_cast<int>(std::min(piece, text.size() - at))) < 0)
+                        static_cast<int>(std::min(kTextAtOnce, text.size() - at))) < 0)
       return std::nullopt;
   out.resize(out.size() - padding);
   return out;

@@ -223,20 +223,18 @@ std::filesystem::path GltfDocument::file_of(const GltfValue& uri) const {
   return path;
 }
 
-std::span<const std::byte> GltfDocument::load(const GltfValue& uri, std::uint64_t number) {
-  const auto bytes_of = [](const Loaded& loaded) { return std::as_bytes(std::span(loaded.bytes)); };
+const GltfDocument::Loaded& GltfDocument::load(const GltfValue& uri, std::uint64_t number) {
+  if (const auto known = decoded_.find(number); known != decoded_.end()) return known->second;
   const std::string text = uri.text("");
   if (!text.starts_with("data:")) {
     const auto [found, is_new] = files_.try_emplace(file_of(uri));
-    if (!is_new) return bytes_of(found->second);
+    if (!is_new) return found->second;
     std::error_code ignored;  // what is no regular file is refused when it is read
     const auto size = std::filesystem::file_size(found->first, ignored);
     if (!ignored) found->second.reserved = HostMemory(found->first.string(), static_cast<double>(size));
     found->second.bytes = read_file(found->first.string());
-    return bytes_of(found->second);
+    return found->second;
   }
-  const auto [found, is_new] = decoded_.try_emplace(number);
-  if (!is_new) return bytes_of(found->second);
   const std::size_t comma = text.find(',');
   constexpr std::string_view mark = ";base64";
   const std::string_view head = std::string_view(text).substr(0, std::min(comma, text.size()));
@@ -244,8 +242,7 @@ std::span<const std::byte> GltfDocument::load(const GltfValue& uri, std::uint64_
     uri.wrong("is a data: URI that is not base64");
   auto bytes = from_base64(std::string_view(text).substr(comma + 1));
   if (!bytes) uri.wrong("is a data: URI whose base64 is damaged");
-  found->second.bytes = std::move(*bytes);
-  return bytes_of(found->second);
+  return decoded_[number] = Loaded{{}, std::move(*bytes)};
 }
 
 std::span<const std::byte> GltfDocument::buffer(const GltfValue& index) {
@@ -253,7 +250,7 @@ std::span<const std::byte> GltfDocument::buffer(const GltfValue& index) {
   const std::uint64_t number = index.whole(), bytes = of["byteLength"].whole();
   std::span<const std::byte> all = chunk_;
   if (of["uri"].exists()) {
-    all = load(of["uri"], number);
+    all = std::as_bytes(std::span(load(of["uri"], number).bytes));
   } else if (number != 0 || !has_chunk_) {
     of.wrong("has no uri, and there is no binary chunk for it");
   }

@@ -74,14 +74,14 @@ class GltfDocument {
 
  private:
   void split_glb(std::span<const std::byte> content);
-  std::span<const std::byte> buffer(const GltfValue& index);
-  std::span<const std::byte> load(const GltfValue& uri, std::uint64_t number);
-  std::filesystem::path file_of(const GltfValue& uri) const;
-
   struct Loaded {
     HostMemory reserved;
     std::vector<unsigned char> bytes;
   };
+
+  std::span<const std::byte> buffer(const GltfValue& index);
+  const Loaded& load(const GltfValue& uri, std::uint64_t number);
+  std::filesystem::path file_of(const GltfValue& uri) const;
 
   std::string name_, folder_;
   nlohmann::json json_;

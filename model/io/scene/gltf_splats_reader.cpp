@@ -87,15 +87,11 @@ class SplatsReader {
     // A mesh may stand in many nodes: they can be more than the file.
     const double bytes = 4.0 * static_cast<double>(numbers) * static_cast<double>(count);
     const HostMemory reserved(document_.name() + ": its Gaussians", found_.size() > 1 ? 2 * bytes : bytes);
-    for (const Splats& s : found_) {
-      Gaussians part = read_splats(s, g.sh_degree);
-      if (found_.size() == 1) {
-        g = std::move(part);
-      } else {
-        part.sh_degree = g.sh_degree;
-        reserve(g, static_cast<std::size_t>(count));
-        vsplat::append(g, part);
-      }
+    if (found_.size() == 1) {
+      g = read_splats(found_[0], g.sh_degree);
+    } else {
+      reserve(g, static_cast<std::size_t>(count));
+      for (const Splats& s : found_) vsplat::append(g, read_splats(s, g.sh_degree));
     }
     skips_.report(count);
     read_extras(scene);
@@ -185,8 +181,7 @@ class SplatsReader {
     const bool moved = !world.isIdentity(0);
     for (const GltfValue& primitive : parts_of(mesh)) {
       if (found_.size() == kMostParts)
-        mesh.wrong(
-            fmt::format("brings the primitives that the nodes show to more than {}, which are not read", kMostParts));
+        mesh.wrong(fmt::format("is one too many: at most {} primitives are read, counted for each node", kMostParts));
       found_.push_back({primitive, moved ? similarity(mesh, world) : Similarity(), moved});
     }
   }

@@ -41,7 +41,7 @@ TEST(ForeignFile, GivenAsAScene) {
        {"streamed SOG", "meta.json of one"}},
       {"a.lcc", R"({"version":"2.0","asset":{}})", {"LCC", convert + "a.lcc a.ply"}},
       {"a.lcc2", std::string(64, '\7'), {"LCC"}},
-      {"a.rad", "RAD0" + std::string(64, '\7'), {"RAD", convert + "a.rad a.ply"}},
+      {"a.rad", "RAD0" + std::string(64, '\7'), {"RAD", "as PLY or SPZ"}},
       {"a.obj", "v 0 0 0\n", {"OBJ", "vsplat dataset render"}},
       {"a.ckpt", "PK\x03\x04" + std::string(26, 'x') + "archive/data.pkl", {"PyTorch", "vsplat weights import"}},
       {"transforms.json", R"({"frames":[]})", {"cameras", "this list as the cameras"}},

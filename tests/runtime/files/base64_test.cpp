@@ -26,6 +26,17 @@ TEST(Base64, ComesBackAndRefusesDamage) {
     ASSERT_TRUE(back) << n;
     EXPECT_EQ(*back, bytes);
   }
+  // Around the pieces in which long ones are converted.
+  for (const std::size_t n : {(3u << 20) - 1, 3u << 20, (3u << 20) + 1, (6u << 20) + 2}) {
+    std::vector<unsigned char> bytes(n);
+    for (std::size_t i = 0; i < n; ++i) bytes[i] = static_cast<unsigned char>(i * i / 7);
+    const std::string text = base64(bytes);
+    ASSERT_EQ(text.size(), (n + 2) / 3 * 4);
+    const std::size_t at = (std::size_t{3} << 20) - 6;
+    EXPECT_EQ(text.substr(at / 3 * 4), base64({bytes.begin() + static_cast<std::ptrdiff_t>(at), bytes.end()})) << n;
+    const auto back = from_base64(text);
+    EXPECT_TRUE(back && *back == bytes) << n;
+  }
   for (const char* bad : {"A", "AAA", "AAAAA", "AA=A", "A===", "AA\nA", " AAA", "AAA\x80"})
     EXPECT_FALSE(from_base64(bad)) << bad;
 }

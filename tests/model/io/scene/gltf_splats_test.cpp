@@ -223,6 +223,17 @@ TEST(GltfDamage, NamesTheField) {
         j["extensionsRequired"] = {"KHR_gaussian_splatting", "VENDOR_turned"};
       },
       {"extensionsRequired[1]", "VENDOR_turned"});
+  const auto shown = [](json& j, std::size_t primitives, std::size_t nodes) {
+    json& all = j["meshes"][0]["primitives"];
+    all = std::vector<json>(primitives, all[0]);
+    const std::uint64_t mesh = 0;
+    j["nodes"] = std::vector<json>(nodes, {{"mesh", mesh}});
+    j["scenes"][0]["nodes"] = json::array();
+    for (std::size_t i = 0; i < nodes; ++i) j["scenes"][0]["nodes"].push_back(i);
+  };
+  const std::size_t each = read_bytes("a.gltf", changed([](json&) {})).gaussians.count;
+  EXPECT_EQ(read_bytes("a.gltf", changed([&](json& j) { shown(j, 3, 7); })).gaussians.count, 3 * 7 * each);
+  expect_refused([&](json& j) { shown(j, 257, 256); }, {"meshes[0]", "65536 primitives"});
   expect_refused([](json& j) { j["nodes"][1]["scale"] = {1, 2, 1}; }, {"scale evenly"});
   expect_refused([](json& j) { j["nodes"][1]["scale"] = {-1, -1, -1}; }, {"scale evenly"});
   expect_refused([](json& j) { j["nodes"][1]["children"] = {0}; }, {"nodes[1].children[0]", "tree"});
