@@ -108,7 +108,7 @@ void render(const RenderOptions& o) {
   const vsplat::Scene scene = load_scene(o.scene, o.pictures.skip_bad);
   if (job.choice.orbit) {
     const vsplat_scene_info info = scene.info();
-    if (!job.orbit_options.has_up && info.up[0] == 0 && info.up[1] == 0 && info.up[2] == 0)
+    if (!job.orbit_options.has_up && !is_set(info.up))
       say(o.common, o.scene + " does not say which way is up: -y is used (--up 0,0,1 for scenes that stand on xy)");
     shots.listed = naming({o.scene}, {}, [&] { return scene.orbit(job.orbit_options); });
     shots.all = shots.listed.all();
@@ -145,8 +145,7 @@ void add_render(CLI::App& app, Run& run) {
       ->group("Pictures");
   sub->add_flag("--skip-bad", o->pictures.skip_bad,
                 "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), "
-                "cameras that "
-                "cannot be used, and pictures of --compare that are missing or cannot be read");
+                "cameras that cannot be used, and pictures of --compare that are missing or cannot be read");
   sub->add_flag("--exact-tiles", o->pictures.exact_tiles,
                 "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, faster if many are thin")
       ->group("Pictures");

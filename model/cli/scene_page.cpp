@@ -77,14 +77,13 @@ nlohmann::ordered_json about(const ScenePage& page) {
                                 {"scenes", nlohmann::ordered_json::array()},
                                 {"cameras", nlohmann::ordered_json::array()}};
   if (is_set(info.up)) out["up"] = info.up;
-  const std::string stem = std::filesystem::path(page.title).stem().string();
   for (std::size_t i = 0; i < page.scenes.size(); ++i) {
     const vsplat_scene_info its = page.scenes[i].scene.info();
     double shift[3];  // from its frame to that of the last scene
     for (std::size_t c = 0; c < 3; ++c) shift[c] = its.offset[c] - info.offset[c];
     out["scenes"].push_back({{"id", "scene-" + std::to_string(i)},
                              {"name", page.scenes[i].name},
-                             {"file", stem + ".spz"},
+                             {"file", page.title + ".spz"},
                              {"shift", shift}});
   }
   for (const PageCamera& each : page.cameras) {
@@ -149,7 +148,7 @@ PageFile::PageFile(Outputs& outputs, const std::string& output, std::string view
 void PageFile::save(const Common& common, const std::vector<PageScene>& scenes) {
   if (path_.empty()) return;
   ScenePage page;
-  page.title = std::filesystem::path(path_).filename().string();
+  page.title = std::filesystem::path(path_).stem().string();
   page.scenes = scenes;
   if (!cameras_) cameras_ = page_cameras(views_);
   page.cameras = *cameras_;

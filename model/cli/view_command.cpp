@@ -142,8 +142,7 @@ void add_view(CLI::App& app, Run& run) {
   sub->add_option("--before", o->before, "A second scene, shown to the left of a slider")->type_name("SCENE");
   sub->add_option("--cameras", o->cameras,
                   "Also show these cameras and their photographs (transforms.json, cameras.json, a COLMAP model or a "
-                  "folder with "
-                  "one); clicking a camera shows the scene from there")
+                  "folder with one); clicking a camera shows the scene from there")
       ->type_name("CAMERAS");
   sub->add_option("--pictures", o->pictures, "The folder of the photographs (default: that of the camera list)")
       ->type_name("DIR");
