@@ -159,7 +159,7 @@ void PageFile::save(const Common& common, const std::vector<PageScene>& scenes) 
   say(common, path_ + ": a page that shows " + (scenes.size() > 1 ? "both scenes" : "the scene") +
                   (cameras ? " and " + std::to_string(cameras) + (cameras == 1 ? " camera" : " cameras") : "") + ", " +
                   bytes_text(text.size()) + "; open it in a browser");
-  if (is_output_) lost_ = tell_losses(common, path_, scenes.back().scene, "spz");
+  if (is_output_) lost_ = tell_losses(common, path_ + ", the SPZ file inside", scenes.back().scene, "spz");
 }
 
 void PageFile::add_results(nlohmann::ordered_json& out) const {

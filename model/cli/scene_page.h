@@ -40,7 +40,7 @@ class PageFile {
   PageFile(Outputs& outputs, const std::string& output, std::string viewer, PageViews views);
 
   // Writes the page, or does nothing if none is wanted. A page that cannot be made is an error. If the page is the main
-  // output, a message says what it loses of the last scene.
+  // output, a message says what the SPZ file inside loses of the last scene; the page itself keeps up and near plane.
   void save(const Common& common, const std::vector<PageScene>& scenes);
   void add_results(nlohmann::ordered_json& out) const;  // "viewer", and "lost" of a main output
 

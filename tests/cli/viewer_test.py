@@ -206,6 +206,9 @@ class Shown(support.Case):
         self.succeeds("reconstruct", views, "--output", scene, "--viewer", page)
         self.assertLessEqual(os.path.getsize(page), MOST_BYTES)
         shown = self.shown(page)
+        # The first camera looks down; the page begins on the side of the second one, in front of the gnome.
+        begun, second = shown.evaluate("vsplat.pose()"), json.loads(element(page, "about"))["cameras"][1]["w2c"]
+        self.assertGreater(sum(a * b for a, b in zip(begun[8:11], second[8:11])), 0.9)
         self.pictures_agree(shown, scene, views)
         self.moves(shown)
         self.cameras_are_clicked(shown, sorted((views / "images").glob("*.png")))

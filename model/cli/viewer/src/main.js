@@ -50,14 +50,16 @@ class Page {
     this.resize();
   }
 
-  // An object is shown whole, from the first camera's side; a place, in which the cameras are, from the first camera.
+  // An object is shown whole, from the side of the first camera that does not look down or up at it; a place, in which the cameras are, from
+  // the first camera.
   start() {
     const {centre, radius} = this.extent;
     const eyes = this.about.cameras.map((camera) => poseOf(camera.w2c).eye);
     const distance = (eyes.length ? 1.4 : 1.15) * radius / Math.sin(FIELD / 2);
     if (eyes.length && eyes.some((eye) => length(sub(eye, centre)) < 1.2 * radius)) return this.orbit.set(this.centre, eyes[0]);
     const {up} = this.orbit;
-    const from = eyes.length ? sub(eyes[0], centre) : turned(perpendicular(up), up, 0.6);
+    const sides = eyes.map((eye) => sub(eye, centre));
+    const from = sides.find((side) => Math.abs(dot(unit(side), up)) < 0.8) || sides[0] || turned(perpendicular(up), up, 0.6);
     const flat = unit(add(from, up, -dot(from, up)));
     this.orbit.set(centre, add(add(centre, flat, 0.95 * distance), up, 0.3 * distance));
   }
