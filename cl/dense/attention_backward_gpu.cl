@@ -40,17 +40,30 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
   global const float* keys = queries + out_step;
   global const float* values = keys + out_step;
   global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
-  // The statistics of its four rows.
+  // The statistics of its four rows. Conditional loads, not selections: with those, PoCL 6.0's compiler ends with "did
+  // not reach a fixpoint".
   global const float* own = stats + 2 * ((size_t)vh * T + t0);
   const int left = T - t0 - 4 * y;
-  const float2 s0 = left > 0 ? vload2(4 * y, own) : (float2)(0.0f),
-               s1 = left > 1 ? vload2(4 * y + 1, own) : (float2)(0.0f),
-               s2 = left > 2 ? vload2(4 * y + 2, own) : (float2)(0.0f),
-               s3 = left > 3 ? vload2(4 * y + 3, own) : (float2)(0.0f);
-  const float4 top = (float4)(s0.x, s1.x, s2.x, s3.x), inverse = (float4)(s0.y, s1.y, s2.y, s3.y);
   global const float* means = delta + (size_t)vh * T + t0 + 4 * y;
-  const float4 mean = (float4)(left > 0 ? means[0] : 0.0f, left > 1 ? means[1] : 0.0f, left > 2 ? means[2] : 0.0f,
-                               left > 3 ? means[3] : 0.0f);
+  float2 s0 = 0.0f, s1 = 0.0f, s2 = 0.0f, s3 = 0.0f;
+  float4 mean = 0.0f;
+  if (left > 0) {
+    s0 = vload2(4 * y, own);
+    mean.x = means[0];
+  }
+  if (left > 1) {
+    s1 = vload2(4 * y + 1, own);
+    mean.y = means[1];
+  }
+  if (left > 2) {
+    s2 = vload2(4 * y + 2, own);
+    mean.z = means[2];
+  }
+  if (left > 3) {
+    s3 = vload2(4 * y + 3, own);
+    mean.w = means[3];
+  }
+  const float4 top = (float4)(s0.x, s1.x, s2.x, s3.x), inverse = (float4)(s0.y, s1.y, s2.y, s3.y);
   Rows4 acc[BLOCKS];
   clear_rows(acc);
   for (int k0 = 0; k0 < T; k0 += COLS) {

@@ -94,7 +94,8 @@ void Sky::put(Context& ctx, FitTensors& out) const {
 }
 
 void Sky::get(Context& ctx, const FitTensors& from) const {
-  for (const auto& [name, t] : {std::pair("sky.x", &sh_), std::pair("sky.m", &m_), std::pair("sky.v", &v_)}) {
+  const std::pair<std::string, const Tensor*> tensors[] = {{"sky.x", &sh_}, {"sky.m", &m_}, {"sky.v", &v_}};
+  for (const auto& [name, t] : tensors) {
     const FitTensor& kept = tensor_of(from, name);
     if (kept.shape != t->shape())
       fail(Status::format, "a fit's state has {} for {}, {} expected", text_of(kept.shape), name, text_of(t->shape()));
