@@ -72,6 +72,24 @@ PoseErrors pose_errors(const std::vector<Camera>& given, const std::vector<Camer
   return out;
 }
 
+std::vector<float> patch_rays(const std::vector<Camera>& cameras, int t, int patch) {
+  std::vector<float> out;
+  for (const Camera& camera : cameras) {
+    const Eigen::Matrix4d c2w = camera.c2w();
+    const Eigen::Vector3d centre = c2w.topRightCorner<3, 1>();
+    for (int y = 0; y < t; ++y)
+      for (int x = 0; x < t; ++x) {
+        const Eigen::Vector3d towards(((x + 0.5) * patch - camera.cx) / camera.fx,
+                                      ((y + 0.5) * patch - camera.cy) / camera.fy, 1);
+        const Eigen::Vector3d direction = (c2w.topLeftCorner<3, 3>() * towards).normalized();
+        const Eigen::Vector3d moment = centre.cross(direction);
+        for (const Eigen::Vector3d& of : {direction, moment})
+          for (int i = 0; i < 3; ++i) out.push_back(static_cast<float>(of[i]));
+      }
+  }
+  return out;
+}
+
 RayErrors ray_errors(const std::vector<float>& predicted, const std::vector<float>& accurate) {
   RayErrors out;
   const auto share = 6 / static_cast<double>(std::max<std::size_t>(6, accurate.size()));

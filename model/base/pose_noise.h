@@ -34,6 +34,9 @@ struct PoseErrors {
 };
 PoseErrors pose_errors(const std::vector<Camera>& given, const std::vector<Camera>& accurate);
 
+// The rays through the centres of each camera's t x t patches: unit direction and moment, [t, t, 6] a camera.
+std::vector<float> patch_rays(const std::vector<Camera>& cameras, int t, int patch);
+
 // Means over rays of six numbers (direction and moment); each ray is divided by the length of its direction first.
 struct RayErrors {
   double degrees = 0;  // between directions

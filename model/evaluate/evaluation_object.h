@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "model/base/taken_views.h"
 #include "model/data/framed_object.h"
 #include "model/evaluate/evaluation_views.h"
-#include "model/networks/params/config_fields.h"
 
 namespace vsplat {
 

@@ -15,7 +15,6 @@
 #include "model/fit/scene_fit.h"
 #include "model/io/picture/contact_sheet.h"
 #include "model/metrics/metrics.h"
-#include "model/networks/vsplat/ray_predictor.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/render/render.h"
 #include "model/render/supersample.h"

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "model/base/pose_noise.h"
 #include "model/base/scene.h"
-#include "model/networks/vsplat/ray_predictor.h"
 #include "model/ops/fit/loss.h"
 #include "model/ops/fit/picture_target.h"
 #include "model/ops/fit/surface_loss.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/networks/params/config.h"
+#include "model/base/taken_views.h"
 #include "model/views/photographs.h"
 #include "model/views/placement.h"
 #include "model/views/view_choice.h"

@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "model/base/taken_views.h"
 #include "model/networks/params/parameter.h"
 #include "model/networks/params/systems.h"
 #include "runtime/files/safetensors.h"

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "model/base/taken_views.h"
+
 namespace vsplat {
 
 // Sizes of the image encoder, which all architectures have.
@@ -18,15 +20,6 @@ struct EncoderSizes {
 
   int tokens() const { return image / patch; }  // along an edge
   int prefix() const { return 1 + registers; }  // tokens that are not patches: they come first, and are dropped
-};
-
-// The views that a network accepts.
-struct TakenViews {
-  int image;           // edge in pixels
-  int trained;         // number of views in training and evaluation
-  int usual;           // number that a reconstruction picks if more are available
-  int most;            // upper limit
-  std::string rebase;  // rotate, move
 };
 
 struct Config {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "model/base/taken_views.h"
 #include "model/networks/params/config_fields.h"
 #include "runtime/error.h"
 

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "model/base/camera.h"
 #include "model/networks/layers/transformer.h"
 #include "model/networks/params/config.h"
 #include "model/ops/dense/cross_attention.h"
@@ -19,9 +18,6 @@ namespace vsplat {
 // sides of a picture, between which attention is masked. `tiled`: use the tiling of that mask in SHARE's code across
 // views.
 AttentionGroups match_groups(Context& ctx, long views, long t, long splits, bool shifted, bool across, bool tiled);
-
-// The rays through the centres of each camera's t x t patches: unit direction and moment, [t, t, 6] a camera.
-std::vector<float> patch_rays(const std::vector<Camera>& cameras, int t, int patch);
 
 class RayPredictor {
  public:

@@ -1,6 +1,5 @@
 #include "model/networks/vsplat/ray_tables.h"
 
-#include <Eigen/Dense>
 #include <cmath>
 
 #include "model/networks/vsplat/ray_predictor.h"
@@ -13,7 +12,8 @@ const double kTwoPi = 2 * std::acos(-1.0);
 
 // Channel c of `channels` for the angle p: sine or cosine of p / base^(2 floor(c/2) / channels).
 double wave(double p, long c, long channels, double base) {
-  const double angle = p / std::pow(base, 2.0 * static_cast<double>(c / 2) / static_cast<double>(channels));
+  const long even = c - c % 2;
+  const double angle = p / std::pow(base, static_cast<double>(even) / static_cast<double>(channels));
   return c % 2 == 0 ? std::sin(angle) : std::cos(angle);
 }
 
@@ -93,24 +93,6 @@ AttentionGroups match_groups(Context& ctx, long views, long t, long splits, bool
       places[key * static_cast<std::size_t>(maps) + static_cast<std::size_t>(found[key]++)] = static_cast<int>(i);
     }
     out.places = ctx.upload({views * n, maps}, places, Type::i32, "match.places");
-  }
-  return out;
-}
-
-std::vector<float> patch_rays(const std::vector<Camera>& cameras, int t, int patch) {
-  std::vector<float> out;
-  for (const Camera& camera : cameras) {
-    const Eigen::Matrix4d c2w = camera.c2w();
-    const Eigen::Vector3d centre = c2w.topRightCorner<3, 1>();
-    for (int y = 0; y < t; ++y)
-      for (int x = 0; x < t; ++x) {
-        const Eigen::Vector3d towards(((x + 0.5) * patch - camera.cx) / camera.fx,
-                                      ((y + 0.5) * patch - camera.cy) / camera.fy, 1);
-        const Eigen::Vector3d direction = (c2w.topLeftCorner<3, 3>() * towards).normalized();
-        const Eigen::Vector3d moment = centre.cross(direction);
-        for (const Eigen::Vector3d& of : {direction, moment})
-          for (int i = 0; i < 3; ++i) out.push_back(static_cast<float>(of[i]));
-      }
   }
   return out;
 }

@@ -5,6 +5,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "model/diagnose/selftest/reference/plucker.h"
+#include "tests/support/compare.h"
 #include "tests/support/orbit.h"
 
 namespace vsplat {
@@ -71,6 +73,20 @@ TEST(PoseNoise, RayErrorsKnowNoLength) {
   const RayErrors off = ray_errors({0, 1, 1, 0.5f, 0, 0, 1, 0, 0, 0, 1, 0}, rays);
   EXPECT_NEAR(off.degrees, 22.5, 1e-5);
   EXPECT_NEAR(off.moment, (0.5 - 0.5 / std::sqrt(2)) / 2, 1e-6);
+}
+
+TEST(PatchRays, AreDirectionsAndMoments) {
+  const auto cameras = test::orbit(2, 24, 2.3);
+  const auto got = patch_rays(cameras, 3, 8);
+  std::vector<double> want;
+  for (const Camera& camera : cameras)
+    for (int y = 0; y < 3; ++y)
+      for (int x = 0; x < 3; ++x) {
+        Eigen::Vector3d d, m;
+        ref::plucker(camera, (x + 0.5) * 8, (y + 0.5) * 8, d, m);
+        want.insert(want.end(), {d.x(), d.y(), d.z(), m.x(), m.y(), m.z()});
+      }
+  EXPECT_TRUE(test::close(got, want, 1e-6));
 }
 
 }  // namespace

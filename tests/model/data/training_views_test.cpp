@@ -13,6 +13,7 @@
 #include "model/data/drawn_views.h"
 #include "model/data/random_object.h"
 #include "model/io/picture/image_file.h"
+#include "model/networks/params/config.h"
 #include "model/views/view_choice.h"
 #include "tests/model/data/training_options.h"
 #include "tests/support/data_sets.h"

@@ -3,7 +3,6 @@
 
 #include "model/base/pose_noise.h"
 #include "model/networks/params/init.h"
-#include "model/networks/vsplat/ray_predictor.h"
 #include "model/train/trainer.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

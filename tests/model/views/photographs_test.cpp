@@ -6,6 +6,7 @@
 
 #include <map>
 
+#include "model/networks/params/config.h"
 #include "model/views/input.h"
 #include "tests/support/picture_writers.h"
 #include "tests/support/posed_views.h"

@@ -3,14 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include "model/diagnose/selftest/reference/plucker.h"
 #include "model/networks/params/init.h"
 #include "model/networks/params/params.h"
 #include "model/networks/vsplat/ray_tables.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/extension_golden.h"
-#include "tests/support/orbit.h"
 #include "tests/support/refusal.h"
 #include "tests/support/vectors.h"
 
@@ -136,20 +134,6 @@ TEST(TokenWindows, AreAsRolledAndCut) {
           }
         }
     }
-}
-
-TEST(PatchRays, AreDirectionsAndMoments) {
-  const auto cameras = test::orbit(2, 24, 2.3);
-  const auto got = patch_rays(cameras, 3, 8);
-  std::vector<double> want;
-  for (const Camera& camera : cameras)
-    for (int y = 0; y < 3; ++y)
-      for (int x = 0; x < 3; ++x) {
-        Eigen::Vector3d d, m;
-        ref::plucker(camera, (x + 0.5) * 8, (y + 0.5) * 8, d, m);
-        want.insert(want.end(), {d.x(), d.y(), d.z(), m.x(), m.y(), m.z()});
-      }
-  EXPECT_TRUE(test::close(got, want, 1e-6));
 }
 
 }  // namespace
