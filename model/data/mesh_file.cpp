@@ -145,8 +145,7 @@ void MeshReader::take_texture(Unpacker& in) {
 std::string MeshReader::other_place(const std::string& name) {
   std::string listed = name;
   if (const std::string beside = (folder_ / "").string(); listed.starts_with(beside)) listed.erase(0, beside.size());
-  const std::string found = files_.find(listed).path.string();
-  return extension_of(found) == extension_of(listed) ? found : "";
+  return files_.find_with_ending(listed).string();
 }
 
 // Finds the texture with the same search as the pictures of a list.

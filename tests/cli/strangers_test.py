@@ -115,6 +115,17 @@ class Meshes(support.Case):
         shutil.copy(self.path("t.png"), self.path("mesh", "t.png"))
         self.succeeds(*self.render(self.obj("mtllib m.mtl\n")))
 
+    def test_names_in_either_unicode_form(self):
+        for at, (there, listed) in enumerate((("e\u0301", "\u00e9"), ("\u00e9", "e\u0301"))):
+            shutil.copy(self.path("t.png"), self.path("mesh", f"{there}{at}.png"))
+            self.put(f"mesh/{there}{at}.mtl", f"newmtl m\nmap_Kd {listed}{at}.png\n")
+            _, err = self.succeeds(*self.render(self.obj(f"mtllib {listed}{at}.mtl\n"), "--overwrite"))
+            self.assertNotIn("warning", err)
+            with open(self.path("mesh", f"{there}{at}.bin"), "wb") as f:
+                f.write(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0))
+            gltf = self.put("mesh/a.gltf", json.dumps(self.triangle(f"{listed}{at}.bin")))
+            self.succeeds(*self.render(gltf, "--overwrite"))
+
     def test_what_is_no_file(self):
         os.mkfifo(self.path("mesh", "pipe"))
         self.refuses(1, ["a.obj", "pipe"], *self.render(self.obj("mtllib pipe\n")))
@@ -123,15 +134,16 @@ class Meshes(support.Case):
         zero = os.path.relpath("/dev/zero", os.path.realpath(self.path("mesh")))
         self.refuses(1, ["dev/zero", "outside"], *self.render(self.obj(f"mtllib {zero}\n")))
 
-    def test_buffers(self):
-        points = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
-        with open(self.path("b.bin"), "wb") as f:
-            f.write(points)
-        gltf = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "scene": 0, "nodes": [{"mesh": 0}],
+    def triangle(self, uri):
+        return {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "scene": 0, "nodes": [{"mesh": 0}],
                 "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
                 "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
-                "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": "../b.bin", "byteLength": 36}]}
-        self.refused(self.put("mesh/a.gltf", json.dumps(gltf)), "b.bin")
+                "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": uri, "byteLength": 36}]}
+
+    def test_buffers(self):
+        with open(self.path("b.bin"), "wb") as f:
+            f.write(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0))
+        self.refused(self.put("mesh/a.gltf", json.dumps(self.triangle("../b.bin"))), "b.bin")
 
 
 class Words(support.Case):

@@ -13,6 +13,7 @@
 #include "model/base/json_fields.h"
 #include "model/io/reader/percent.h"
 #include "model/io/scene/gltf_splats.h"
+#include "model/io/views/listed_file.h"
 #include "runtime/fail.h"
 #include "runtime/files/base64.h"
 #include "runtime/files/file.h"
@@ -216,11 +217,13 @@ std::filesystem::path GltfDocument::file_of(const GltfValue& uri) const {
     uri.wrong(fmt::format("is \"{}\": the name of a file beside this one, or below its folder, is expected",
                           printable(text)));
   if (folder_.empty()) uri.wrong(fmt::format("is \"{}\": a scene in memory has no file beside it", printable(text)));
-  std::filesystem::path path = (std::filesystem::path(folder_) / file).lexically_normal();
+  const std::filesystem::path path = (std::filesystem::path(folder_) / file).lexically_normal();
   std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored))
+  if (std::filesystem::exists(path, ignored)) return path;
+  std::filesystem::path found = ListedFiles({folder_}).find_with_ending(decoded);
+  if (found.empty())
     uri.wrong(fmt::format("is \"{}\": there is no file {}", printable(text), printable(path.string())));
-  return path;
+  return found;
 }
 
 const GltfDocument::Loaded& GltfDocument::load(const GltfValue& uri, std::uint64_t number) {

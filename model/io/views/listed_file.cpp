@@ -105,21 +105,14 @@ bool is_near(const std::string& a, const std::string& b, std::size_t apart) {
   return !numbers.empty() || apart <= std::max<std::size_t>(1, a.size() / 4);
 }
 
-// Without a picture's ending, in lower case.
-std::string plain(const fs::path& path) { return lower_case((path.parent_path() / picture_stem(path)).string()); }
+// Without a picture's ending, in any case and form.
+std::string plain(const fs::path& name) { return folded(picture_stem(name)); }
 
-struct NearNames {
-  std::vector<std::string> similar;  // at most three, the most similar first
-  std::string in_other_form;         // the same name, perhaps, in another Unicode form; "" if there is none
-};
-
-// Pictures in or below the folder with names similar to the listed one.
-NearNames near_names(const fs::path& folder, const fs::path& listed) {
+// At most three pictures in or below the folder with names similar to the listed one, the most similar first.
+std::vector<std::string> near_names(const fs::path& folder, const fs::path& listed) {
   std::vector<std::pair<std::size_t, std::string>> near;
-  std::vector<std::string> tails;
-  for (const fs::path& tail : tails_of(listed)) tails.push_back(plain(tail));
   const std::string wanted = plain(listed.filename());
-  NearNames out;
+  std::vector<std::string> out;
   if (wanted.size() > 255) return out;
   std::error_code error;
   int seen = 0;
@@ -128,21 +121,14 @@ NearNames near_names(const fs::path& folder, const fs::path& listed) {
     const std::string name = at->path().filename().string();
     if (name.front() == '.' || at.depth() >= deepest_looked) at.disable_recursion_pending();
     if (name.front() == '.' || !has_picture_ending(at->path())) continue;
-    const std::string own = plain(name), below = plain(at->path().lexically_relative(folder));
+    const std::string own = plain(name);
     if (own.size() > 255) continue;
-    if (std::any_of(tails.begin(), tails.end(),
-                    [&](const std::string& tail) { return may_differ_in_form_only(tail, below); })) {
-      if (const std::string path = printable(at->path().string());
-          out.in_other_form.empty() || path < out.in_other_form)
-        out.in_other_form = path;
-      continue;
-    }
     const std::size_t apart = letters_apart(wanted, own);
     if (is_near(wanted, own, apart)) near.emplace_back(apart, at->path().string());
   }
   std::sort(near.begin(), near.end());
   if (near.size() > 3) near.resize(3);
-  for (auto& [apart, path] : near) out.similar.push_back(printable(path));
+  for (auto& [apart, path] : near) out.push_back(printable(path));
   return out;
 }
 
@@ -165,10 +151,37 @@ const ListedFiles::Folder& ListedFiles::list(const fs::path& folder) {
   std::error_code error;
   for (fs::directory_iterator at(folder.empty() ? "." : folder, error), end; !error && at != end; at.increment(error)) {
     const std::string name = at->path().filename().string();
-    out.by_lower_name.emplace(lower_case(name), name);
-    if (has_picture_ending(name)) out.by_lower_stem.emplace(lower_case(at->path().stem().string()), name);
+    out.by_folded_name.emplace(folded(name), name);
+    if (has_picture_ending(name)) out.by_folded_stem.emplace(folded(at->path().stem().string()), name);
   }
   return out;
+}
+
+void ListedFiles::add_in_any_form(const fs::path& folder, const fs::path& below, fs::path::const_iterator part,
+                                  fs::path::const_iterator end, std::vector<std::string>& out) {
+  const fs::path here = below.empty() ? folder : folder / below;
+  const auto add = [&](const std::string& name) {
+    std::error_code error;
+    if (std::next(part) == end) {
+      if (is_regular(here / name)) out.push_back((below / name).string());
+    } else if (fs::is_directory(here / name, error)) {
+      add_in_any_form(folder, below / name, std::next(part), end, out);
+    }
+  };
+  const std::string listed = part->string(), form = composed(listed);
+  add(listed);
+  if (is_ascii(listed)) return;
+  const auto [first, last] = list(here).by_folded_name.equal_range(folded(listed));
+  for (auto at = first; at != last; ++at)
+    if (at->second != listed && composed(at->second) == form) add(at->second);
+}
+
+FoundFile ListedFiles::in_any_form(const fs::path& folder, const fs::path& path) {
+  if (is_regular(folder / path)) return {folder / path, true};
+  if (path.empty() || is_ascii(path.string())) return {};
+  std::vector<std::string> found;
+  add_in_any_form(folder, {}, path.begin(), path.end(), found);
+  return {only_one(folder, found, path), false};
 }
 
 fs::path ListedFiles::folder_below(const fs::path& folder, const fs::path& path) {
@@ -179,7 +192,7 @@ fs::path ListedFiles::folder_below(const fs::path& folder, const fs::path& path)
       out /= part;
       continue;
     }
-    const auto [first, last] = list(out).by_lower_name.equal_range(lower_case(part.string()));
+    const auto [first, last] = list(out).by_folded_name.equal_range(folded(part.string()));
     if (first == last || std::next(first) != last) return {};
     out /= first->second;
     if (!fs::is_directory(out, error)) return {};
@@ -191,10 +204,13 @@ fs::path ListedFiles::only_one(const fs::path& folder, std::vector<std::string> 
   std::erase_if(names, [&](const std::string& name) { return !is_regular(folder / name); });
   if (names.empty()) return {};
   std::sort(names.begin(), names.end());
-  if (names.size() > 1)
+  if (names.size() > 1) {
+    const bool alike = composed(names[0]) == composed(names[1]);
     fail(Status::input,
-         "{}: {} and {} both match {}, which is not there as listed: keep one of them, or list its exact name",
-         folder.empty() ? "." : folder.string(), printable(names[0]), printable(names[1]), printable(listed.string()));
+         "{}: {} and {} both match {}, which is not there as listed{}: keep one of them, or list its exact name",
+         folder.empty() ? "." : folder.string(), printable(names[0]), printable(names[1]), printable(listed.string()),
+         alike ? " (the two differ in their Unicode form only, that is, in how accents are written)" : "");
+  }
   return folder / names.front();
 }
 
@@ -203,12 +219,12 @@ fs::path ListedFiles::nearly(const fs::path& folder, const fs::path& tail) {
   const fs::path place = folder_below(folder, tail.parent_path());
   if (place.empty() && !(folder.empty() && tail.parent_path().empty())) return {};
   const Folder& files = list(place);
-  const std::string file = tail.filename().string(), stem = picture_stem(tail);
+  const std::string file = tail.filename().string(), stem = picture_stem(tail), form = composed(stem);
   std::vector<std::string> same, with_stem, in_case;
-  for (auto [at, end] = files.by_lower_name.equal_range(lower_case(file)); at != end; ++at) same.push_back(at->second);
+  for (auto [at, end] = files.by_folded_name.equal_range(folded(file)); at != end; ++at) same.push_back(at->second);
   if (const fs::path found = only_one(place, same, tail); !found.empty()) return found;
-  for (auto [at, end] = files.by_lower_stem.equal_range(lower_case(stem)); at != end; ++at)
-    (fs::path(at->second).stem() == stem ? with_stem : in_case).push_back(at->second);
+  for (auto [at, end] = files.by_folded_stem.equal_range(folded(stem)); at != end; ++at)
+    (composed(fs::path(at->second).stem().string()) == form ? with_stem : in_case).push_back(at->second);
   if (const fs::path found = only_one(place, with_stem, tail); !found.empty()) return found;
   return only_one(place, in_case, tail);
 }
@@ -216,16 +232,17 @@ fs::path ListedFiles::nearly(const fs::path& folder, const fs::path& tail) {
 FoundFile ListedFiles::find_slashed(const std::string& name) {
   const fs::path path = name;
   FoundFile written;
-  if (written_from_ && is_regular(*written_from_ / path)) written.path = *written_from_ / path;
+  if (written_from_) written = in_any_form(*written_from_ / path.root_path(), path.relative_path());
   if (!written.path.empty() && (!roots_ || roots_->hold(written.path))) return written;
   const std::vector<fs::path> tails = tails_of(path);
   for (const fs::path& tail : tails)
     for (const fs::path& folder : folders_)
-      if (is_regular(folder / tail)) return {folder / tail, path.is_relative() && tail == tails.front()};
+      if (const FoundFile found = in_any_form(folder, tail); !found.path.empty())
+        return {found.path, found.exactly && path.is_relative() && tail == tails.front()};
   for (const fs::path& tail : tails)
     for (const fs::path& folder : folders_)
       if (const fs::path found = nearly(folder, tail); !found.empty()) return {found, false};
-  if (path.is_absolute() && is_regular(path)) written.path = path;
+  if (path.is_absolute() && is_regular(path)) return {path, true};
   return written;
 }
 
@@ -234,6 +251,12 @@ FoundFile ListedFiles::find(const std::string& name) {
   for (const std::string& other : {trimmed(name), percent_decoded(trimmed(name))})
     if (out.path.empty() && other != name) out = {find_as(other).path, false};
   return out;
+}
+
+fs::path ListedFiles::find_with_ending(const std::string& name) {
+  const fs::path found = find(name).path;
+  const std::string wanted = lower_case(fs::path(trimmed(name)).extension().string());
+  return lower_case(found.extension().string()) == wanted ? found : "";
 }
 
 FoundFile ListedFiles::find_as(const std::string& name) {
@@ -248,27 +271,19 @@ std::string ListedFiles::where_looked(const std::string& name) {
   std::vector<std::string> places, near;
   std::error_code error;
   std::string other;  // a folder or special file of that name, which cannot be read
-  std::string in_other_form;
   for (const fs::path& folder : folders_) {
     if (!fs::is_directory(folder.empty() ? "." : folder, error)) continue;
     places.push_back(printable(folder.empty() ? "." : folder.string()));
     if (const fs::path there = folder / fs::path(slashed(name)).relative_path();
         !name.empty() && fs::exists(there, error) && !fs::is_regular_file(there, error))
       other = printable(there.string());
-    NearNames names = near_names(folder.empty() ? "." : folder, slashed(name));
-    if (in_other_form.empty()) in_other_form = std::move(names.in_other_form);
-    for (std::string& path : names.similar)
+    for (std::string& path : near_names(folder.empty() ? "." : folder, slashed(name)))
       if (near.size() < 3 && std::find(near.begin(), near.end(), path) == near.end()) near.push_back(std::move(path));
   }
   std::string out =
       fmt::format("looked for {} in {}, also by the end of its path, with other endings and in other case",
                   printable(name), places.empty() ? "no folder" : fmt::format("{}", fmt::join(places, " and ")));
   if (!other.empty()) out += fmt::format("; {} is not a regular file", other);
-  if (!in_other_form.empty())
-    out += fmt::format(
-        "; {} is perhaps the same name in another Unicode form (letters and accents composed, or decomposed as macOS "
-        "writes them): rename it, or list it as the folder has it",
-        in_other_form);
   if (!near.empty()) out += fmt::format("; near it: {}", fmt::join(near, ", "));
   return out;
 }

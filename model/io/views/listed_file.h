@@ -15,7 +15,7 @@ bool has_picture_ending(const std::filesystem::path& file);
 
 struct FoundFile {
   std::filesystem::path path;  // empty if there is none
-  bool exactly = true;         // false: found by a shorter path, another ending, another case, or decoded
+  bool exactly = true;         // false: found by a shorter path, another ending, case or Unicode form, or decoded
 };
 
 // Lists each folder that it searches only once.
@@ -29,22 +29,31 @@ class ListedFiles {
 
   // Search order: the path as written; the path below each folder; ever shorter tails of it there; then for each tail,
   // longest first, a file of the same name in another case, a picture of the same stem with another ending, and one of
-  // that stem in another case. A backslash counts as a slash unless a file has it in its name. Only the path as written
-  // may lead out of a folder. Error(input) if two files match equally well.
+  // that stem in another case. In each step the Unicode form makes no difference, unless a file has the listed one. A
+  // backslash counts as a slash unless a file has it in its name. Only the path as written may lead out of a folder.
+  // Error(input) if two files match equally well.
   FoundFile find(const std::string& name);
+
+  // The same for a file that need not be a picture: only one with the listed ending. "" if there is none.
+  std::filesystem::path find_with_ending(const std::string& name);
 
   // For a message: the places where find() searched for this name, and similar names. A sentence without its full stop.
   std::string where_looked(const std::string& name);
 
  private:
   struct Folder {
-    std::multimap<std::string, std::string> by_lower_name;  // files and folders
-    std::multimap<std::string, std::string> by_lower_stem;  // pictures
+    std::multimap<std::string, std::string> by_folded_name;  // files and folders
+    std::multimap<std::string, std::string> by_folded_stem;  // pictures
   };
 
   FoundFile find_as(const std::string& name);
   FoundFile find_slashed(const std::string& name);
   const Folder& list(const std::filesystem::path& folder);
+  // The file below `folder` that `path` names: the exact one, else the one whose path differs in its Unicode form only.
+  FoundFile in_any_form(const std::filesystem::path& folder, const std::filesystem::path& path);
+  void add_in_any_form(const std::filesystem::path& folder, const std::filesystem::path& below,
+                       std::filesystem::path::const_iterator part, std::filesystem::path::const_iterator end,
+                       std::vector<std::string>& out);
   // The folder below `folder` that `path` names, ignoring case; "" if there is none or more than one.
   std::filesystem::path folder_below(const std::filesystem::path& folder, const std::filesystem::path& path);
   std::filesystem::path nearly(const std::filesystem::path& folder, const std::filesystem::path& tail);

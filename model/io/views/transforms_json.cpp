@@ -5,6 +5,7 @@
 #include <array>
 #include <set>
 
+#include "model/io/views/listed_file.h"
 #include "model/io/views/view_checks.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -212,7 +213,11 @@ ViewSet parse_transforms_json(const std::filesystem::path& path, const json& roo
   }
   if (const auto at = root.find("ply_file_path"); at != root.end() && at->is_string()) {
     const std::string points = at->get<std::string>();
-    if (!points.empty() && points.find('\0') == std::string::npos) out.points = path.parent_path() / points;
+    if (!points.empty() && points.find('\0') == std::string::npos) {
+      const std::filesystem::path folder = path.parent_path();
+      out.points = ListedFiles({folder}, folder).find_with_ending(points);
+      if (out.points.empty()) out.points = folder / points;  // and reading it tells that it is missing
+    }
   }
   const json& frames = root.at("frames");
   if (!frames.is_array()) fail(Status::format, "{}: frames is {}, a list is expected", where, excerpt(frames));

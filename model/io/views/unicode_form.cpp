@@ -1,50 +1,40 @@
 #include "model/io/views/unicode_form.h"
 
-#include "runtime/printable.h"
+#include <utf8proc.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <memory>
+
+#include "model/io/any_case.h"
 
 namespace vsplat {
 namespace {
 
-// What follows the letter that it belongs to: accents, the voicing of kana, and the vowels and finals of Hangul.
-bool is_mark(char32_t c) {
-  return (c >= 0x300 && c <= 0x36f) || (c >= 0x3099 && c <= 0x309a) || (c >= 0x1161 && c <= 0x11ff);
-}
-
-// A letter with its marks.
-struct Letter {
-  std::string_view bytes;
-  char32_t first;
-  int marks = 0;
-};
-
-// Removes it from the start of the text, which must not be empty.
-Letter take_letter(std::string_view& text) {
-  const Character first = character_at(text);
-  Letter out{{}, first.code};
-  std::size_t size = first.bytes;
-  while (size < text.size()) {
-    const Character next = character_at(text.substr(size));
-    if (!is_mark(next.code)) break;
-    size += next.bytes, ++out.marks;
-  }
-  out.bytes = text.substr(0, size);
-  text.remove_prefix(size);
-  return out;
+// `otherwise` if the text is not valid UTF-8.
+std::string mapped(std::string_view text, int options, std::string otherwise) {
+  utf8proc_uint8_t* bytes = nullptr;
+  const utf8proc_ssize_t size =
+      utf8proc_map(reinterpret_cast<const utf8proc_uint8_t*>(text.data()), static_cast<utf8proc_ssize_t>(text.size()),
+                   &bytes, static_cast<utf8proc_option_t>(options | UTF8PROC_STABLE | UTF8PROC_COMPOSE));
+  const std::unique_ptr<utf8proc_uint8_t, void (*)(void*)> owner(bytes, std::free);
+  if (size < 0) return otherwise;
+  return {reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(size)};
 }
 
 }  // namespace
 
-bool may_differ_in_form_only(std::string_view a, std::string_view b) {
-  bool differ = false;
-  while (!a.empty() && !b.empty()) {
-    const Letter one = take_letter(a), other = take_letter(b);
-    if (one.bytes == other.bytes) continue;
-    if (one.marks == other.marks) return false;
-    constexpr char32_t first_composed = 0xc0;
-    if ((one.marks < other.marks ? one : other).first < first_composed) return false;
-    differ = true;
-  }
-  return differ && a.empty() && b.empty();
+bool is_ascii(std::string_view text) {
+  return std::all_of(text.begin(), text.end(), [](unsigned char c) { return c < 0x80; });
+}
+
+std::string composed(std::string_view text) {
+  return is_ascii(text) ? std::string(text) : mapped(text, 0, std::string(text));
+}
+
+std::string folded(std::string_view text) {
+  const std::string ascii = lower_case(std::string(text));
+  return is_ascii(text) ? ascii : mapped(text, UTF8PROC_CASEFOLD, ascii);
 }
 
 }  // namespace vsplat

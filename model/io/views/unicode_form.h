@@ -1,12 +1,18 @@
-// Names that look the same and are different bytes: Unicode writes "ä" as one character (composed, as most systems do)
+// Names that are the same text in different bytes: Unicode writes "ä" as one character (composed, as most systems do)
 // or as an "a" and a combining mark (decomposed, as macOS does).
 #pragma once
+#include <string>
 #include <string_view>
 
 namespace vsplat {
 
-// Whether the texts differ, and may do so only in their Unicode form. Has none of Unicode's tables: a letter with marks
-// may be any composed letter. That is enough for advice, and too little to choose a file by.
-bool may_differ_in_form_only(std::string_view a, std::string_view b);
+bool is_ascii(std::string_view text);
+
+// The text with its characters composed (Unicode's form NFC). Text that is not valid UTF-8 is returned unchanged.
+std::string composed(std::string_view text);
+
+// Composed, and the same for texts that differ in case only. In text that is not valid UTF-8, only ASCII letters
+// change.
+std::string folded(std::string_view text);
 
 }  // namespace vsplat

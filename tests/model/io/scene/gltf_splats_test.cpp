@@ -75,6 +75,21 @@ TEST(GltfSplats, ReadsOthersFiles) {
   test::expect_error(Status::format, {"a scene", "buffers[0].uri", "in memory"}, [&] { read_bytes("a scene", bytes); });
 }
 
+TEST(GltfSplats, TheBufferIsFoundByTheSearchForListedFiles) {
+  const test::TemporaryFolder folder;
+  json j = json::parse(test::contents_of(test::golden_file("gltf/beside.gltf")));
+  test::put_file(folder / "ka\u0308se.bin", test::contents_of(test::golden_file("gltf/beside it.bin")));
+  for (const char* name : {"k\u00e4se.bin", "k%C3%A4se.BIN", "scene/K\u00e4se.bin"}) {
+    j["buffers"][0]["uri"] = name;
+    test::put_file(folder / "a.gltf", j.dump());
+    EXPECT_NO_THROW(read_path(folder / "a.gltf")) << name;
+  }
+  test::put_file(folder / "other.png", "no buffer");
+  j["buffers"][0]["uri"] = "other.bin";
+  test::put_file(folder / "a.gltf", j.dump());
+  test::expect_error(Status::format, {"a.gltf", "other.bin"}, [&] { read_path(folder / "a.gltf"); });
+}
+
 class GltfSplatsWriter : public ::testing::Test {
  protected:
   test::TemporaryFolder folder_;

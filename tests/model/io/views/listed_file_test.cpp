@@ -5,6 +5,7 @@
 namespace vsplat {
 namespace {
 
+namespace fs = std::filesystem;
 using test::expect_error;
 
 class ListedFile : public ::testing::Test {
@@ -127,30 +128,72 @@ TEST_F(ListedFile, SaysWhereItLookedAndWhatIsNear) {
   EXPECT_EQ(text.find("0002.png"), std::string::npos) << "another number is another picture: " << text;
 }
 
-// Nothing but bytes tells "ä" from "a" and a combining diaeresis. A name in the other form is not taken, but named.
-TEST_F(ListedFile, SaysWhichNameDiffersInItsUnicodeFormOnly) {
-  struct Pair {
-    const char *composed, *decomposed;
-  };
-  const Pair pairs[] = {{"k\u00e4se.png", "ka\u0308se.png"}, {"K\u00e4se/1.png", "Ka\u0308se/1.png"},
-                        {"\u1ebf.png", "e\u0302\u0301.png"}, {"\u00ea\u0301.png", "e\u0302\u0301.png"},
-                        {"\u30ac.png", "\u30ab\u3099.png"},  {"\ud55c.png", "\u1112\u1161\u11ab.png"}};
-  for (const Pair& pair : pairs) {
-    for (const auto& [listed, there] : {pair, Pair{pair.decomposed, pair.composed}}) {
+// A name in two Unicode forms. Only bytes tell "ä" from "a" and a combining diaeresis.
+struct Forms {
+  const char *composed, *decomposed;
+};
+constexpr Forms kForms[] = {{"k\u00e4se.png", "ka\u0308se.png"},
+                            {"K\u00e4se/1.png", "Ka\u0308se/1.png"},
+                            {"\u1ebf.png", "e\u0302\u0301.png"},
+                            {"\u30ac.png", "\u30ab\u3099.png"},
+                            {"\ud55c/\u00e9.png", "\u1112\u1161\u11ab/e\u0301.png"}};
+
+TEST_F(ListedFile, InEitherUnicodeForm) {
+  for (const Forms& forms : kForms)
+    for (const auto& [listed, there] : {forms, Forms{forms.decomposed, forms.composed}}) {
       const test::ViewFolder own;
       own.touch(there);
-      ListedFiles files({own.path()});
-      EXPECT_TRUE(files.find(listed).path.empty()) << listed;
-      const std::string advice = (own / there).string() + " is perhaps the same name in another Unicode form";
-      for (const std::string& name : {std::string(listed), "set/" + std::string(listed)})
-        EXPECT_NE(files.where_looked(name).find(advice), std::string::npos) << files.where_looked(name);
+      own.touch("other.png");
+      for (const std::string& name : {std::string(listed), "set/" + std::string(listed), "/a/" + std::string(listed)})
+        for (const FoundFile& found :
+             {ListedFiles({own.path()}).find(name), ListedFiles({own.path()}, own.path()).find(name)}) {
+          EXPECT_EQ(found.path, own / there) << name;
+          EXPECT_FALSE(found.exactly) << name;
+        }
+      EXPECT_EQ(ListedFiles({}, "/somewhere").find((own / listed).string()).path, own / there) << "an absolute path";
+      EXPECT_EQ(ListedFiles({own.path()}).find_with_ending(listed), own / there);
+      EXPECT_EQ(ListedFiles({own.path()}).find(fs::path(listed).replace_extension(".jpg").string()).path, own / there);
+      own.touch(listed);
+      const FoundFile exact = ListedFiles({own.path()}).find(listed);
+      EXPECT_EQ(exact.path, own / listed) << "the listed form comes first";
+      EXPECT_TRUE(exact.exactly);
     }
-  }
-  folder.touch("ka\u0308se.png");
-  for (const char* other : {"k\u00e4s.png", "kase.png", "kas\u00e9.png", "ko\u0308se.png", "k\u00e4se2.png"}) {
-    const std::string text = ListedFiles({folder.path()}).where_looked(other);
-    EXPECT_EQ(text.find("Unicode form"), std::string::npos) << text;
-  }
+}
+
+TEST_F(ListedFile, InEitherUnicodeFormAndCase) {
+  folder.touch("A\u0308PFEL.JPG");
+  expect_file("\u00e4pfel.jpg", "A\u0308PFEL.JPG", false);
+  expect_file("\u00c4pfel.png", "A\u0308PFEL.JPG", false);
+  for (const char* other : {"apfel.jpg", "\u00e1pfel.jpg", "\u00e4pfe.jpg", "\xe4pfel.jpg"})
+    EXPECT_TRUE(below(other).path.empty()) << other;
+  folder.touch("\xe4.png");  // not UTF-8
+  expect_file("\xe4.PNG", "\xe4.png", false);
+  EXPECT_TRUE(below("\u00e4.png").path.empty());
+}
+
+TEST_F(ListedFile, TheListedUnicodeFormComesBeforeShorterTails) {
+  folder.touch("cam/e\u0301.png");
+  folder.touch("\u00e9.png");
+  expect_file("cam/\u00e9.png", "cam/e\u0301.png", false);
+}
+
+// Both folders exist, as after copying from two systems into one. Each file is found in the one that has it.
+TEST_F(ListedFile, InTwoFoldersOfOneName) {
+  folder.touch("\u00e9/1.png");
+  folder.touch("e\u0301/2.png");
+  expect_file("\u00e9/1.png", "\u00e9/1.png", true);
+  expect_file("\u00e9/2.png", "e\u0301/2.png", false);
+  expect_file("e\u0301/1.png", "\u00e9/1.png", false);
+}
+
+TEST_F(ListedFile, OfTwoUnicodeFormsNoneIsTaken) {
+  const char *composed = "\u1ebf.png", *decomposed = "e\u0302\u0301.png";
+  folder.touch(composed);
+  folder.touch(decomposed);
+  for (const char* other : {"\u00ea\u0301.png", "\u1ebe.PNG", "set/\u1ebf.jpg"})
+    expect_error(Status::input, {folder.string(), composed, decomposed, "differ in their Unicode form only"},
+                 [&] { below(other); });
+  expect_file(composed, composed, true);
 }
 
 }  // namespace

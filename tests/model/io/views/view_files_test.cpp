@@ -77,6 +77,35 @@ TEST_F(ViewFiles, MasksAreFoundAsPicturesAre) {
   EXPECT_EQ(mask(set, 1), "") << "the list names the masks, and none for this one";
 }
 
+// Written on a system that composes accents and copied to one that does not, or the reverse.
+TEST_F(ViewFiles, PicturesAndMasksAreFoundInEitherUnicodeForm) {
+  const std::string composed = "k\u00e4se", decomposed = "ka\u0308se";
+  for (const auto& [listed, there] : {std::pair(composed, decomposed), std::pair(decomposed, composed)}) {
+    const std::string set_folder = "of " + listed, picture_file = set_folder + "/images/" + there + ".jpg",
+                      mask_file = set_folder + "/masks/" + there + ".png";
+    folder.touch(picture_file);
+    folder.touch(mask_file);
+    const ViewSet list = read(list_of({"images/" + listed + ".jpg"}), {}, set_folder + "/transforms.json");
+    EXPECT_EQ(picture(list, 0), picture_file);
+    EXPECT_EQ(mask(list, 0), mask_file);
+    write_model(set_folder + "/sparse/0", {listed + ".jpg"});
+    const ViewSet model = read_views(folder / (set_folder + "/sparse/0"), {});
+    EXPECT_EQ(picture(model, 0), picture_file);
+    EXPECT_EQ(mask(model, 0), mask_file);
+    json root = list_of({"images/" + listed + ".jpg"});
+    root["frames"][0]["mask_path"] = "masks/" + listed + ".png";
+    root["ply_file_path"] = listed + ".ply";
+    folder.touch(set_folder + "/" + there + ".ply");
+    const ViewSet named = read(root, {}, set_folder + "/named.json");
+    EXPECT_EQ(mask(named, 0), mask_file);
+    EXPECT_EQ(named.points, folder / (set_folder + "/" + there + ".ply"));
+  }
+  folder.touch("images/" + composed + ".png");
+  expect_error(Status::input, {"would share the picture"}, [&] {
+    read(list_of({"images/" + composed + ".png", "images/" + decomposed + ".png"}));
+  });
+}
+
 TEST_F(ViewFiles, AFolderOfMasksMayBeCalledMask) {
   for (const char* name : {"images/1.jpg", "Mask/1.png"}) folder.touch(name);
   EXPECT_EQ(mask(read(list_of({"images/1.jpg"})), 0), "Mask/1.png");
