@@ -1,11 +1,11 @@
 #include "runtime/fail.h"
 
-#include <fmt/format.h>
+#include "runtime/message_text.h"
 
 namespace vsplat {
 
 void throw_formatted(Status status, fmt::string_view text, fmt::format_args args) {
-  throw Error(status, fmt::vformat(text, args));
+  throw Error(status, message_text(text, args));
 }
 
 }  // namespace vsplat

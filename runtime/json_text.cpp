@@ -35,7 +35,11 @@ class Guard : public nlohmann::json_sax<json> {
       fail(Status::format, "{}: an object has the field {} twice", what_, printable(name));
     return true;
   }
-  bool parse_error(std::size_t, const std::string&, const json::exception& e) override {
+  bool parse_error(std::size_t byte, const std::string& found, const json::exception& e) override {
+    constexpr int overflow = 406;  // nlohmann's number for it
+    if (e.id == overflow)
+      fail(Status::format, "{}: byte {}: the number {} is too large, at most 1.8e308 is read", what_,
+           byte - found.size(), printable(found));
     std::string why = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
     why.erase(0, why.find("] ") == std::string::npos ? 0 : why.find("] ") + 2);
     for (char& c : why)  // the message quotes the text, which may be binary

@@ -1,9 +1,9 @@
 #include "runtime/log.h"
 
-#include <fmt/format.h>
-
 #include <memory>
 #include <mutex>
+
+#include "runtime/message_text.h"
 
 namespace vsplat {
 namespace {
@@ -48,7 +48,7 @@ void log_message(LogLevel level, const std::string& text) {
 }
 
 void log_formatted(LogLevel level, fmt::string_view text, fmt::format_args args) {
-  log_message(level, fmt::vformat(text, args));
+  log_message(level, message_text(text, args));
 }
 
 }  // namespace vsplat

@@ -13,6 +13,15 @@ using nlohmann::ordered_json;
 constexpr std::uintmax_t largest_file = 1 << 20;
 constexpr int deepest = 32;  // writing a value, as for an error, takes some stack for each list around it
 
+// "[json.exception.parse_error.101] parse error at line 1, column 2: ..." without what is in brackets.
+std::string fault(const ordered_json::exception& e) {
+  const std::string text = e.what();
+  const std::size_t end = text.find("] ");
+  constexpr int overflow = 406;
+  return (e.id == overflow ? ": holds a number that is too large: " : ": is not valid JSON: ") +
+         text.substr(end == std::string::npos ? 0 : end + 2);
+}
+
 }  // namespace
 
 ordered_json parsed_file(const std::string& path, const std::string& what) {
@@ -31,7 +40,7 @@ ordered_json parsed_file(const std::string& path, const std::string& what) {
   try {
     return ordered_json::parse(text.str(), is_shallow);
   } catch (const ordered_json::exception& e) {
-    throw std::runtime_error(path + ": not valid JSON: " + e.what());
+    throw std::runtime_error(path + fault(e));
   }
 }
 

@@ -126,7 +126,7 @@ SceneChanges::SceneChanges(const ChangeOptions& o)
     if (options_.min_opacity < 0 || options_.min_opacity > 1)
       throw UsageError("--min-opacity is \"" + o.min_opacity + "\": 0 to 1 expected");
   }
-  if (!o.max_size.empty()) options_.max_size = positive_number("--max-size", o.max_size, "a standard deviation");
+  if (!o.max_size.empty()) options_.max_size = positive_number("--max-size", o.max_size, "standard deviation");
   options_.remove_floaters = o.remove_floaters;
   if (!o.max_gaussians.empty()) max_gaussians_ = count_of("--max-gaussians", o.max_gaussians);
   if (!o.up.empty()) {
@@ -136,7 +136,7 @@ SceneChanges::SceneChanges(const ChangeOptions& o)
     has_up_ = true;
   }
   options_.upright = o.upright;
-  if (!o.scale.empty()) options_.scale = positive_number("--scale", o.scale, "a factor");
+  if (!o.scale.empty()) options_.scale = positive_number("--scale", o.scale, "factor");
   if (!o.translate.empty()) {
     const std::array<double, 3> by = triple("--translate", o.translate);
     std::copy(by.begin(), by.end(), options_.translation);

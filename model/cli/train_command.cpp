@@ -78,7 +78,7 @@ void tell(void* user, const vsplat_train_progress* p) {
 
 uint64_t intersections(const TrainOptions& o) {
   if (o.assume_intersections.empty()) return 0;
-  const double out = positive_number("--assume-intersections", o.assume_intersections, "a number of them");
+  const double out = positive_number("--assume-intersections", o.assume_intersections, "number of intersections");
   if (out != std::floor(out) || out > 1e15)
     throw UsageError("--assume-intersections is \"" + o.assume_intersections + "\": a whole number expected");
   return static_cast<uint64_t>(out);

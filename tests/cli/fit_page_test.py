@@ -166,8 +166,8 @@ class FitPage(fit_case.FitCase):
         refused(["background is", "skyish"], {"background": "skyish"})
         refused(["object", "scene"], {"scene": True, "object": True})
         refused(["nested"], '{"steps": ' + "[" * 100000 + "]" * 100000 + "}")
-        refused(["not valid JSON"], '{"steps": 1e999}')
-        refused(["not valid JSON"], "{")
+        refused(["wrong.json: holds a number that is too large", "1e999"], '{"steps": 1e999}')
+        refused(["is not valid JSON: parse error at line 1"], "{")
         self.refuses(2, "--steps is", "fit", self.photos, "--start", self.ball, "--output", self.path("x.ply"), "--steps", "many", "--settings",
                      self.write("fine.json", {"steps": 3}))
         self.refuses(1, ["nowhere.json"], *self.fit("--settings", self.path("nowhere.json")))

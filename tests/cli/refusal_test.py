@@ -196,7 +196,7 @@ class Scenes(support.Case):
         rows = [good.format(*v) for v in ((0, 9, -1, 1), ("nan", 9, -1, 1), (0, "inf", -1, 1), (0, 9, 200, 1), (0, 9, -1, 0), (1, "-inf", -1, 1))]
         head = self.write_scene(*rows)
         at = head + len(rows[0]) + 1 + 4
-        self.refuses(1, ["scene.ply", f"Gaussian 1, z (byte {at})", "nan", "finite", "--skip-bad"], *self.render())
+        self.refuses(1, ["scene.ply", f"Gaussian 1, z (byte {at})", "NaN", "finite", "--skip-bad"], *self.render())
         out, err = self.succeeds(*self.render("--skip-bad", "--json"))
         for word in ("scene.ply", "3 of 6", "1 with values", "1 with scales", "1 with rotations", f"(byte {at})"):
             self.assertIn(word, err)

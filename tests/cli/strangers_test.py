@@ -180,7 +180,7 @@ class Words(support.Case):
             body[at:at + 4] = struct.pack("<f", float("nan"))
         self.header(spoil)
         for command in (("weights", "verify", self.model), self.reconstruct(), ("evaluate", self.path("views"), "--model", self.model)):
-            self.refuses(1, ["model.safetensors", "nan at element 0", "finite"], *command)
+            self.refuses(1, ["model.safetensors", "NaN at element 0", "finite"], *command)
 
     def test_nothing_acts_on_a_terminal(self):
         self.header(lambda header, body: header["__metadata__"].update({"origin\x1b[2J": "\x1b]0;owned\x07\x9b2J"}))

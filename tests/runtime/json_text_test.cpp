@@ -35,8 +35,11 @@ TEST(JsonText, RefusesAFieldThatIsThereTwice) {
 }
 
 TEST(JsonText, SaysWhereItIsNone) {
-  for (const char* text : {"", "{", "[1,]", "{\"a\": 1e999}", "[1] 2", "{\"a\": \"\xff\"}", "\x1b[2J", "nul"})
+  for (const char* text : {"", "{", "[1,]", "[1] 2", "{\"a\": \"\xff\"}", "\x1b[2J", "nul"})
     test::expect_error(Status::format, {"file.json: is not valid JSON"}, [&] { parse_json("file.json", text); });
+  for (const char* number : {"1e999", "-1e400"})
+    test::expect_error(Status::format, {"file.json: byte 6: the number " + std::string(number) + " is too large"},
+                       [&] { parse_json("file.json", "{\"a\": " + std::string(number) + "}"); });
 }
 
 // Regression: for each of some ten thousand members all of them were visited, which took minutes.

@@ -40,7 +40,7 @@ class Hdf5Writer {
   void picture(const std::string& name, const Image& image) {  // of 8-bit values
     std::vector<unsigned char> bytes;
     bytes.reserve(image.data.size());
-    for (const float v : image.data) bytes.push_back(static_cast<unsigned char>(255 * v + 0.5f));
+    for (const float v : image.data) bytes.push_back(static_cast<unsigned char>(std::lround(255 * v)));
     write(name,
           {static_cast<hsize_t>(image.height), static_cast<hsize_t>(image.width), static_cast<hsize_t>(image.channels)},
           bytes, H5T_NATIVE_UINT8, H5T_STD_U8LE, true);

@@ -11,6 +11,7 @@
 #include "model/io/scene/ply_comments.h"
 #include "model/io/scene/ply_rows.h"
 #include "runtime/fail.h"
+#include "runtime/message_text.h"
 
 namespace vsplat {
 namespace {
@@ -190,7 +191,7 @@ Scene read_compressed_ply(PlyFile& in, const PlyHeader& header, SkippedGaussians
     skips.add(defect, [&] {
       if (defect == GaussianDefect::not_finite)
         return fmt::format("Gaussian {}, {} of its chunk {} (byte {}): {}, a finite number is expected", k,
-                           kBounds[own.bad], k / kBlockSize, own.bad_byte, own.values[own.bad]);
+                           kBounds[own.bad], k / kBlockSize, own.bad_byte, number_text(own.values[own.bad]));
       return fmt::format("Gaussian {}, packed_scale (byte {}): a scale beyond what a float holds", k,
                          vertices->byte_of(2));
     });

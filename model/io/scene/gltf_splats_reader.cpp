@@ -18,6 +18,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/file.h"
 #include "runtime/log.h"
+#include "runtime/message_text.h"
 #include "runtime/printable.h"
 #include "runtime/system/host_memory.h"
 
@@ -278,7 +279,7 @@ class SplatsReader {
            const char* expected) {
     skips_.add(defect, [&] {
       return fmt::format("Gaussian {}, {} {} ({}, element {}): {}, {} is expected", k, what, i, column.place, k,
-                         column.at(k, i), expected);
+                         number_text(column.at(k, i)), expected);
     });
     return false;
   }

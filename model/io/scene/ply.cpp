@@ -15,6 +15,7 @@
 #include "model/io/scene/ply_rows.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/message_text.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -180,13 +181,15 @@ std::string describe(const Defect& defect, const Layout& layout, const PlyRows& 
   std::string what;
   switch (defect.kind) {
     case GaussianDefect::huge_scale:
-      what = fmt::format("{}, a scale's logarithm, is beyond what a float holds: at most 88.7 is expected", found);
+      what = fmt::format("{}, a scale's logarithm, is beyond what a float holds: at most 88.7 is expected",
+                         number_text(found));
       break;
     case GaussianDefect::zero_rotation:
       what = "the quaternion rot_0 to rot_3 is zero, any other length is expected";
       break;
     default:
-      what = fmt::format("{}, a finite number{} is expected", found, std::isfinite(found) ? " in a float's range" : "");
+      what = fmt::format("{}, a finite number{} is expected", number_text(found),
+                         std::isfinite(found) ? " in a float's range" : "");
   }
   return fmt::format("Gaussian {}, {} (byte {}): {}", k, layout.columns[defect.column]->name,
                      rows.byte_of(defect.column), what);

@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "runtime/fail.h"
+#include "runtime/message_text.h"
 
 namespace vsplat {
 namespace {
@@ -75,8 +76,8 @@ Scene read_splat(const std::string& name, std::span<const std::byte> content, Sk
     if (const std::size_t bad = row.bad_value(); bad != row.values.size()) {
       skips.add(GaussianDefect::not_finite, [&] {
         return fmt::format("Gaussian {}, {} {} (byte {}): {}, a finite number{} is expected", k,
-                           bad < 3 ? "position" : "scale", bad % 3, k * splat::kRow + 4 * bad, row.values[bad],
-                           bad < 3 ? "" : " from 0 up");
+                           bad < 3 ? "position" : "scale", bad % 3, k * splat::kRow + 4 * bad,
+                           number_text(row.values[bad]), bad < 3 ? "" : " from 0 up");
       });
       continue;
     }

@@ -9,6 +9,7 @@
 #include "model/io/scene/spz_container.h"
 #include "model/io/scene/spz_values.h"
 #include "runtime/half.h"
+#include "runtime/message_text.h"
 
 namespace vsplat {
 namespace {
@@ -119,7 +120,7 @@ Scene read_spz(const std::string& name, std::span<const std::byte> content, Skip
         skips.add(GaussianDefect::not_finite, [&] {
           return fmt::format(
               "Gaussian {}, position {} (byte {} of the decompressed data): {}, a finite number is expected", k, c,
-              16 + 6 * k + 2 * c, mean[c]);
+              16 + 6 * k + 2 * c, number_text(mean[c]));
         });
       }
     if (!good) continue;

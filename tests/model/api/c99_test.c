@@ -198,7 +198,7 @@ static vsplat_views make_views(float* pixels) {
   all[1].camera = camera_at(-1);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(all, 0, &views));
   for (i = 0; i < 4; ++i) { /* a view's pixel 3, 1 of channel 2 */
-    static const char* const written[] = {"is nan", "is 255", "is 1e+30", "is -1"};
+    static const char* const written[] = {"is NaN", "is 255", "is 1e+30", "is -1"};
     const float wrong[] = {NAN, 255.0f, 1e30f, -1.0f}, before = pixels[(side + 3) * 3 + 2];
     pixels[(side + 3) * 3 + 2] = wrong[i];
     EXPECT(VSPLAT_ERROR_INPUT, vsplat_views_create(all, num_views, &views));

@@ -211,7 +211,7 @@ std::vector<Damage> damages() {
              rest(f, s, {"image", "fov"}), f.numbers("cup/c2w_2", {4, 4}, matrix(3, NAN));
            },
            Status::input,
-           {"c2w_2", "nan", "finite"}},
+           {"c2w_2", "NaN", "finite"}},
           {"a pose that mirrors",
            [=](auto& f, auto& s) {
              rest(f, s, {"image", "fov"}), f.numbers("cup/c2w_2", {4, 4}, matrix(0, -1));

@@ -384,7 +384,7 @@ TEST_F(SceneFitTest, BadInputIsRefused) {
   unused.holdout.names = {"@3"};
   test::expect_error(Status::usage, {"picture 3", "not among"}, [&] { run(unused); });
   pictures_[2].data[7] = std::nanf("");
-  test::expect_error(Status::input, {"picture 2", "nan"}, [&] { run({}); });
+  test::expect_error(Status::input, {"picture 2", "NaN"}, [&] { run({}); });
   pictures_[2].data[7] = 0;
   start_.gaussians = {};
   test::expect_error(Status::input, {"no Gaussian"}, [&] { run({}); });

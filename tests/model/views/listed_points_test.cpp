@@ -124,7 +124,7 @@ TEST(ListedPoints, OfAPlyFile) {
   EXPECT_EQ(found->points[1].position, Vector3d(-4, 5, -6));
   EXPECT_EQ(found->points[0].rgb, (std::array<std::uint8_t, 3>{10, 20, 30}));
   set.points = folder.write("grey.ply", head + "end_header\n1 2 3\n4 5 nan\n");
-  expect_error(Status::input, {"grey.ply", "vertex 1", "z is nan"}, [&] { listed_points(set); });
+  expect_error(Status::input, {"grey.ply", "vertex 1", "z is NaN"}, [&] { listed_points(set); });
   set.points = folder.write("flat.ply",
                             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
                             "end_header\n1 2\n");

@@ -16,6 +16,7 @@
 #include "model/io/reader/program/mesh_files.h"
 #include "model/io/reader/program/mesh_teller.h"
 #include "model/io/reader/program/triangulate.h"
+#include "runtime/message_text.h"
 #include "runtime/printable.h"
 
 namespace vsplat::read {
@@ -57,7 +58,8 @@ std::array<float, 4> values(const aiColor4D& c) {
   std::array<float, 4> out{c.r, c.g, c.b, c.a};
   for (float& value : out)
     if (!std::isfinite(value))
-      fail_reading(Status::input, "", fmt::format("a material's colour holds {}; finite numbers are expected", value));
+      fail_reading(Status::input, "",
+                   fmt::format("a material's colour holds {}; finite numbers are expected", number_text(value)));
   return out;
 }
 

@@ -154,7 +154,10 @@ void GltfFile::parse(Bytes text) {
   try {
     json_ = nlohmann::json::parse(text.begin(), text.end());
   } catch (const nlohmann::json::exception& e) {
-    unreadable(fmt::format("it is neither JSON nor GLB, or damaged: {}", printable(e.what())));
+    const std::string_view why = e.what();  // "[json.exception.parse_error.101] parse error at ..."
+    const std::size_t end = why.find("] ");
+    unreadable(fmt::format("it is neither JSON nor GLB, or damaged: {}",
+                           printable(why.substr(end == why.npos ? 0 : end + 2))));
   }
 }
 

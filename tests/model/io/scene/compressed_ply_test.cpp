@@ -93,7 +93,7 @@ TEST(CompressedPly, DamageIsAnError) {
 TEST(CompressedPly, BadBoundsSpoilTheirBlock) {
   File file;
   file.bounds[4] = std::nan("");
-  expect_refused(file, {"Gaussian 0, max_y of its chunk 0 (byte", "nan"});
+  expect_refused(file, {"Gaussian 0, max_y of its chunk 0 (byte", "NaN"});
   SkippedGaussians skipped;
   const test::Warnings warnings;
   EXPECT_EQ(read(file, &skipped).count, 0u);

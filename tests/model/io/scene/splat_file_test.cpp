@@ -36,8 +36,8 @@ TEST(SplatFile, BadGaussiansAreErrorsOrCounted) {
   const std::string good = good_file();
   expect_refused("", {"empty"});
   expect_refused(good.substr(0, 100), {"100 bytes", "32 for each", "after 3 of them"});
-  expect_refused(with_float(good, 32 + 4, NAN), {"Gaussian 1, position 1 (byte 36)", "nan", "finite"});
-  expect_refused(with_float(good, 64 + 20, inf), {"Gaussian 2, scale 2 (byte 84)", "inf"});
+  expect_refused(with_float(good, 32 + 4, NAN), {"Gaussian 1, position 1 (byte 36)", "NaN", "finite"});
+  expect_refused(with_float(good, 64 + 20, inf), {"Gaussian 2, scale 2 (byte 84)", "infinity"});
   expect_refused(with_float(good, 64 + 12, -1), {"Gaussian 2, scale 0 (byte 76)", "-1", "from 0 up"});
   std::string still = good;
   std::memset(still.data() + 96 + 28, 128, 4);

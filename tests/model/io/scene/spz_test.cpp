@@ -105,7 +105,7 @@ TEST(Spz, OldHeadersAreChecked) {
 TEST(Spz, PositionsOfVersionOneMayBeBad) {
   std::string file = old_file(1, 3, 3 * 16);
   file = with(file, 16 + 6 + 2, std::uint16_t{0x7e00});  // NaN, in Gaussian 1
-  expect_refused(gzipped(file), {"Gaussian 1, position 1 (byte 24", "nan", "finite"});
+  expect_refused(gzipped(file), {"Gaussian 1, position 1 (byte 24", "NaN", "finite"});
   SkippedGaussians skipped;
   const test::Warnings warnings;
   EXPECT_EQ(read(gzipped(file), &skipped).gaussians.count, 2u);

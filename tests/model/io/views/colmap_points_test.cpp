@@ -98,11 +98,11 @@ TEST_F(ColmapPoints, DamagedTextIsNamed) {
     };
   };
   expect_error(Status::format, {"points3D.txt: line 3", "POINT3D_ID", "\"x7\""}, with("\n7 ", "\nx7 "));
-  expect_error(Status::input, {"points3D.txt: line 3 (point 7)", "Y is nan"}, with("-2.25", "nan"));
+  expect_error(Status::input, {"points3D.txt: line 3 (point 7)", "Y is NaN"}, with("-2.25", "nan"));
   expect_error(Status::input, {"line 3", "Y is 1e+300", "finite"}, with("-2.25", "1e300"));
   expect_error(Status::input, {"line 3", "R is 256", "0 to 255"}, with(" 255 ", " 256 "));
   expect_error(Status::input, {"line 3", "R is -1", "0 to 255"}, with(" 255 ", " -1 "));
-  expect_error(Status::input, {"line 3", "ERROR is inf"}, with("0.25 1 42", "inf 1 42"));
+  expect_error(Status::input, {"line 3", "ERROR is infinity"}, with("0.25 1 42", "inf 1 42"));
   expect_error(Status::format, {"line 3", "IMAGE_ID POINT2D_IDX", "3 words"}, with("1 42 1 42", "1 42 1"));
   expect_error(Status::format, {"line 7", "ERROR is \"\""}, with("128 1.5 1 42", "128"));
   write("", ".txt", "# none\n");
@@ -130,10 +130,10 @@ TEST_F(ColmapPoints, DamagedBytesAreNamed) {
   const double nan = std::nan("");
   std::string bad = binary;
   std::memcpy(bad.data() + 8 + 8 + 8, &nan, sizeof nan);
-  refused(bad, Status::input, {"points3D.bin: point 7", "Y is", "nan"});
+  refused(bad, Status::input, {"points3D.bin: point 7", "Y is", "NaN"});
   bad = binary;
   std::memcpy(bad.data() + 8 + 8 + 24 + 3, &nan, sizeof nan);
-  refused(bad, Status::input, {"points3D.bin: point 7", "ERROR is", "nan"});
+  refused(bad, Status::input, {"points3D.bin: point 7", "ERROR is", "NaN"});
   refused(std::string(8, '\0'), Status::input, {"points3D.bin", "no points"});
 }
 

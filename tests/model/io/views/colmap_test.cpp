@@ -199,11 +199,11 @@ TEST_F(Colmap, DamagedTextIsNamed) {
                with("cameras.txt", cameras_txt, "237", "237 1"));
   expect_error(Status::format, {"cameras.txt: line 2", "a number"}, with("cameras.txt", cameras_txt, "237", ""));
   expect_error(Status::input, {"focal length", "-800"}, with("cameras.txt", cameras_txt, "800", "-800"));
-  expect_error(Status::input, {"parameter 0", "nan"}, with("cameras.txt", cameras_txt, "800", "nan"));
+  expect_error(Status::input, {"parameter 0", "NaN"}, with("cameras.txt", cameras_txt, "800", "nan"));
   expect_error(Status::input, {"cameras.txt: line 4 (camera 2)", "coefficient k1 is 1e+300"},
                with("cameras.txt", cameras_txt, "0.125", "1e300"));
   expect_error(Status::format, {"NAME"}, with("images.txt", images_txt, "left/", std::string("le\0ft/", 6)));
-  expect_error(Status::input, {"QW is inf"},
+  expect_error(Status::input, {"QW is infinity"},
                with("images.txt", images_txt, "\n9 ", "\n9 inf 0 0 0 0 0 0 7 a.jpg\n\n9 "));
   expect_error(Status::input, {"WIDTH is 1e+300"}, with("cameras.txt", cameras_txt, "640", "1e300"));
   expect_error(Status::format, {"camera 7", "twice"}, with("cameras.txt", cameras_txt, "2 SIMPLE", "7 SIMPLE"));
