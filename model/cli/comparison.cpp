@@ -126,7 +126,8 @@ std::string Comparison::add(std::size_t index, const vsplat::Picture& drawn, Out
     leave_out(index, e);
   }
   if (!files_[index].empty()) compare(index, drawn, given, outputs);
-  if (is_last && rows_.empty()) throw std::runtime_error("--compare: no picture of any camera can be used");
+  if (is_last && rows_.empty())
+    throw std::runtime_error("--compare " + folder_ + ": no picture of any camera can be used");
   return files_[index].empty() ? "left out" : number_text(rows_.back().psnr, 1);
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "arguments.h"
+#include "naming.h"
 #include "scene_changes.h"
 #include "scene_check.h"
 #include "scene_file.h"
@@ -58,7 +59,7 @@ vsplat::Scene merged(const ConvertOptions& o) {
       scene = scene.surfels_to_gaussians(*o.thickness);
     }
     if (out)
-      out->append(scene);
+      naming(o.paths, {}, [&] { out->append(scene); });
     else
       out = std::move(scene);
   }
@@ -109,7 +110,7 @@ void convert(ConvertOptions o) {
   saving.format = format.c_str();
   saving.spz_version = is_page(o.output) ? page_spz_version : o.spz_version;
   vsplat::Scene scene = merged(o);
-  changes.apply(o.common, scene);
+  naming(o.paths, {}, [&] { changes.apply(o.common, scene); });
   const uint64_t before = scene.info().count;
   std::optional<Session> session;
   const bool reduces = changes.max_gaussians() > 0 && before > changes.max_gaussians();
@@ -125,7 +126,7 @@ void convert(ConvertOptions o) {
   std::optional<SceneCheck> check;
   std::vector<unsigned char> bytes;
   if (least) {
-    bytes = scene.save_memory(saving);
+    bytes = naming({o.output}, {}, [&] { return scene.save_memory(saving); });
     check.emplace(*session, original, scene, vsplat::Scene::load(bytes));
     need_alike(o, *check, *least);
   }

@@ -38,6 +38,12 @@ void go_on(const Common& common, const std::string& what) {
   show_progress(common, what);
 }
 
+std::string all_paths(const DatasetInfoOptions& o) {
+  std::string out;
+  for (const std::string& path : o.paths) out += (out.empty() ? "" : ", ") + path;
+  return out;
+}
+
 std::vector<Surveyed> survey(const DatasetInfoOptions& o, const vsplat::DataSet& set) {
   std::vector<Surveyed> out(set.count());
   for (size_t i = 0; i < out.size(); ++i) {
@@ -89,7 +95,7 @@ void write_sheet(const DatasetInfoOptions& o, const vsplat::DataSet& set, const 
     }
   }
   clear_progress();
-  if (added == 0) throw std::runtime_error("no picture can be shown, so there is no sheet");
+  if (added == 0) throw std::runtime_error(all_paths(o) + ": no picture can be shown, so there is no sheet");
   sheet.save(path);
 }
 
@@ -151,6 +157,7 @@ void info(const DatasetInfoOptions& o) {
 
   long views = 0, bad = 0;
   std::string first;  // of what is bad
+  const std::string where = all_paths(o);
   ordered_json list = ordered_json::array();
   for (const Surveyed& object : objects) {
     views += object.numbers.views;
@@ -163,11 +170,13 @@ void info(const DatasetInfoOptions& o) {
     print_json(all);
   } else {
     print_table(objects);
-    std::printf("%zu objects, %ld views\n", objects.size(), views);
+    std::printf("%s: %zu objects, %ld views\n", for_terminal(where).c_str(), objects.size(), views);
   }
   for (const Surveyed& object : objects)
     for (const std::string& what : object.bad) say(o.common, "bad: " + what);
-  if (bad > 0) throw std::runtime_error(std::to_string(bad) + " bad objects, views or pictures; the first: " + first);
+  if (bad > 0)
+    throw std::runtime_error(where + ": " + std::to_string(bad) +
+                             " bad objects, views or pictures; the first: " + first);
 }
 
 }  // namespace
@@ -176,7 +185,7 @@ void add_info_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<DatasetInfoOptions>();
   CLI::App* sub = parent.add_subcommand("info", "Show what a data set holds");
   sub->add_option("data", o->paths, "Folders of objects, or HDF5 files")->required()->type_name("DIR...");
-  sub->add_option("--sheet", o->sheet, "A contact sheet with pictures of the objects")->type_name("FILE.png");
+  sub->add_option("--sheet", o->sheet, "Write a contact sheet with pictures of the objects")->type_name("FILE.png");
   sub->add_flag("--check", o->check, "Decode every picture, not only four of each object");
   add_common(*sub, o->common, {.device = false, .profile = false});
   sub->footer(

@@ -73,7 +73,7 @@ void write_page_alone(const RenderOptions& o) {
   outputs.input(o.scene);
   PageFile page(outputs, "", o.viewer, {});
   const vsplat::Scene scene = load_scene(o.scene, o.pictures.skip_bad);
-  page.save(o.common, {{"scene", scene}});
+  page.save(o.common, {{"scene", scene, o.scene}});
   outputs.commit();
   if (!o.common.json) return;
   nlohmann::ordered_json out = {{"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}};
@@ -121,7 +121,7 @@ void render(const RenderOptions& o) {
   session.about("command", "render");
   session.about("scene", o.scene);
   job.draw(session, scene, shots.all, comparison, outputs);
-  page.save(o.common, {{"scene", scene}});
+  page.save(o.common, {{"scene", scene, o.scene}});
   session.write_profile(outputs);
   outputs.commit();
   print_results(o, session, job, page, scene, shots.all.size(), comparison);

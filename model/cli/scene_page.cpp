@@ -101,6 +101,20 @@ nlohmann::ordered_json about(const ScenePage& page) {
   return out;
 }
 
+std::vector<unsigned char> spz_of(const PageScene& scene, const std::string& path) {
+  vsplat_scene_save_options format = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
+  format.format = "spz";
+  format.spz_version = page_spz_version;
+  try {
+    return scene.scene.save_memory(format);
+  } catch (const vsplat::Error& e) {
+    std::string why = e.what();
+    if (const std::string in_memory = "the scene: "; why.starts_with(in_memory)) why.erase(0, in_memory.size());
+    throw vsplat::Error(e.status(),
+                        ((scene.file.empty() ? path : scene.file) + ", as the SPZ file in a page: " + why).c_str());
+  }
+}
+
 // The template with each @NAME@ replaced, in the order in which they stand.
 std::string filled(const std::string& text, const std::vector<std::pair<std::string, std::string>>& values) {
   std::string out;
@@ -117,14 +131,11 @@ std::string filled(const std::string& text, const std::vector<std::pair<std::str
 
 }  // namespace
 
-std::string scene_page_text(const ScenePage& page) {
-  vsplat_scene_save_options format = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
-  format.format = "spz";
-  format.spz_version = page_spz_version;
+std::string scene_page_text(const ScenePage& page, const std::string& path) {
   std::string scenes;
   for (std::size_t i = 0; i < page.scenes.size(); ++i)
     scenes += R"(<script type="text/plain" id="scene-)" + std::to_string(i) + "\">" +
-              base64(page.scenes[i].scene.save_memory(format)) + "</script>\n";
+              base64(spz_of(page.scenes[i], path)) + "</script>\n";
   return filled(embedded("page.html"), {{"@TITLE@", html_text(page.title)},
                                         {"@STYLE@", embedded("page.css")},
                                         {"@ABOUT@", script_json(about(page))},
@@ -153,7 +164,7 @@ void PageFile::save(const Common& common, const std::vector<PageScene>& scenes) 
   if (!cameras_) cameras_ = page_cameras(views_);
   page.cameras = *cameras_;
   std::copy(std::begin(views_.background), std::end(views_.background), page.background);
-  const std::string text = scene_page_text(page);
+  const std::string text = scene_page_text(page, path_);
   write_text(outputs_.begin(path_), text);
   const std::size_t cameras = page.cameras.size();
   say(common, path_ + ": a page that shows " + (scenes.size() > 1 ? "both scenes" : "the scene") +

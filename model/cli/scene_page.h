@@ -15,6 +15,7 @@ namespace command {
 struct PageScene {
   std::string name;  // beside the slider between two scenes
   vsplat::Scene scene;
+  std::string file{};  // from which it was read, for errors; empty: the page's
 };
 
 struct ScenePage {
@@ -27,8 +28,8 @@ struct ScenePage {
 // The version of the SPZ files in pages: browsers decompress its gzip by themselves.
 inline constexpr int32_t page_spz_version = 3;
 
-// Throws if a scene cannot be written as SPZ.
-std::string scene_page_text(const ScenePage& page);
+// Throws if a scene cannot be written as SPZ. `path`, of the page, is for errors.
+std::string scene_page_text(const ScenePage& page, const std::string& path);
 
 // Whether a path ends in .html, in lower or upper case.
 bool is_page(const std::string& path);

@@ -102,8 +102,8 @@ void view(const ViewOptions& o) {
   for (const std::string& path : {o.scene, o.before}) outputs.input(path);
   outputs.input_cameras(o.cameras);
   std::vector<PageScene> scenes;
-  if (!o.before.empty()) scenes.push_back({fs::path(o.before).filename().string(), load_scene(o.before, o.skip_bad)});
-  scenes.push_back({fs::path(o.scene).filename().string(), load_scene(o.scene, o.skip_bad)});
+  for (const std::string& path : {o.before, o.scene})
+    if (!path.empty()) scenes.push_back({fs::path(path).filename().string(), load_scene(path, o.skip_bad), path});
   const fs::path page = o.output.empty() ? temporary_folder() / fs::path(o.scene).filename().replace_extension(".html")
                                          : fs::path(o.output);
   PageFile file(outputs, page.string(), "", views);
@@ -147,7 +147,7 @@ void add_view(CLI::App& app, Run& run) {
   sub->add_option("--pictures", o->pictures, "The folder of the photographs (default: that of the camera list)")
       ->type_name("DIR");
   sub->add_option("--background", o->background,
-                  "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1 (default white)")
+                  "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1 (default: white)")
       ->type_name("COLOUR");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out Gaussians that cannot be drawn, and count them");
   sub->add_flag("--no-open", o->no_open, "Only write the page");

@@ -43,6 +43,7 @@ class Surfels(support.Case):
         for wrong in (0, -1, 1.5, "nan"):
             self.refuses(2, "thickness", "convert", self.scene, "--surfels-to-gaussians", wrong, "--output", self.path("none.ply"))
         self.refuses(2, "three scales", "convert", solid, "--surfels-to-gaussians", 0.1, "--output", self.path("none.ply"))
+        self.refuses(1, [self.scene, solid, "surfels"], "convert", self.scene, solid, "--output", self.path("none.ply"))
 
 
 WHOLE = ["x", "y", "z", *(f"f_dc_{i}" for i in range(3)), *(f"f_rest_{i}" for i in range(9)), "opacity", "scale_0", "scale_1", "scale_2",
@@ -237,6 +238,13 @@ class Convert(support.Case):
         self.refuses(1, "not written", "convert", self.scene, "--verify=200", self.path("kept.spz"), "--overwrite")  # the old one stays
         self.assertEqual(len(before), 150)
         self.refuses(2, "--verify", "convert", self.scene, "--verify=-3", self.path("bad.spz"))
+
+    def test_every_refusal_names_a_file(self):
+        self.refuses(1, [self.scene, "range of floats"], "convert", self.scene, "--scale", "3e38", "--translate", "3e38,0,0", self.path("bad.ply"))
+        self.succeeds("convert", self.scene, "--scale", "1e9", self.path("far.ply"))
+        for more in ((), ("--verify",)):
+            self.refuses(1, [self.path("far.spz"), "SPZ holds numbers below"], "convert", self.path("far.ply"), *more, self.path("far.spz"))
+        self.refuses(2, ["a positive factor expected"], "convert", self.scene, "--scale", "0", self.path("bad.ply"))
 
 
 class Info(support.Case):

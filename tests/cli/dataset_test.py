@@ -97,7 +97,7 @@ class Dataset(support.Case):
         self.assertEqual((width, height), (6 * 24 + 8, 24 + 12 + 8))  # 3 of 16 pixels for each object, 8 between them, names below
         self.assertGreater(len({pixels[3 * (width * 16 + x)] for x in range(8, 24)}), 1, "a picture is on it")
         table, _ = self.succeeds("dataset", "info", self.path("set"))
-        self.assertIn("2 objects, 6 views", table)
+        self.assertEqual(table.splitlines()[-1], self.path("set") + ": 2 objects, 6 views")
         self.refuses(1, ["sheet.png", "--overwrite"], "dataset", "info", self.path("set"), "--sheet", self.path("sheet.png"))
 
     def test_info_tells_what_is_bad(self):
@@ -112,7 +112,7 @@ class Dataset(support.Case):
         self.assertIn("0001.png", told["objects"][0]["bad"][0])
         self.assertIn("0004.png", told["objects"][0]["bad"][1])
         self.assertIn("object dish", told["objects"][1]["bad"][0])
-        for words in ("object cup: view 4", "object dish", "3 bad"):
+        for words in ("object cup: view 4", "object dish", self.path("set") + ": 3 bad"):
             self.assertIn(words, err)
         self.assertTrue(os.path.exists(self.path("sheet.png")))
 

@@ -22,7 +22,7 @@ import make_hostile  # noqa: E402
 import rule  # noqa: E402
 
 # Fast commands that need no device get every file; of the others, each file gets one in turn (VSPLAT_HOSTILE_ALL=1: all).
-CHEAP = ("print", "info", "verify", "convert", "init", "import")
+CHEAP = ("print", "info", "verify", "convert", "init", "import", "view")
 QUICK_EVERY = 10  # the quick test uses one file in so many
 
 

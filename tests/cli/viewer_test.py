@@ -95,6 +95,17 @@ class Pages(support.Case):
         self.succeeds("view", self.scene, "--cameras", self.views, "--output", page, "--no-open", "--overwrite")
         self.assertEqual([bool(c["picture"]) for c in json.loads(element(page, "about"))["cameras"]], [True, False, True])
 
+    def test_a_scene_that_spz_cannot_hold_is_named(self):
+        far = self.path("far.ply")
+        support.write_scene(far, [((1e9, 0, 0), (1, 0, 0), 0.1, 0.9)])
+        page = self.path("s.html")
+        self.refuses(1, [far, "SPZ holds numbers below"], "view", far, "--output", page, "--no-open")
+        self.refuses(1, [far, "SPZ holds numbers below"], "view", self.scene, "--before", far, "--output", page, "--no-open")
+        self.refuses(1, [far, "SPZ holds numbers below"], "render", far, "--viewer", page)
+        support.write_scene(far, [])
+        self.refuses(1, [far, "without Gaussians"], "view", far, "--no-open", "--output", page)
+        self.assertFalse(os.path.exists(page))
+
     def test_names_cannot_become_code(self):
         name = "</script><script>alert(1)</script><b>"
         scene = self.path(name.replace("/", "") + ".ply")

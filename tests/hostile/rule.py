@@ -63,6 +63,7 @@ def commands(role, path, sound, out):
         return [("render", ("render", path, "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
                 ("skip", ("render", path, "--skip-bad", "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
                 ("show", ("info", path, *EXPENSIVE)),
+                ("view", ("view", path, "--no-open", "--output", to("s.html"))),
                 ("convert", ("convert", path, "--skip-bad", "--remove-floaters", "--to", "RUF", to("s.ply"))),
                 ("fit", ("fit", objects, "--start", path, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE))]
     if role == "run":
