@@ -37,7 +37,7 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       ->check(one_of(bench_suites()))
       ->type_name("SUITE");
   sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
-  sub->add_option("--seconds", o->seconds, "Time spent on each case (1)")->check(positive())->type_name("S");
+  sub->add_option("--seconds", o->seconds, "Time spent on each case (default: 1)")->check(positive())->type_name("S");
   sub->add_flag(
       "--references", o->references,
       "Also time other libraries, in turn: on a CPU OpenBLAS and oneDNN, if this was built with them, and CLBlast, "
@@ -81,8 +81,9 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
       "and four more: the network's forward and backward alone, and the whole step with drawing, loss and optimiser.\n"
       "A case of the suite model is a whole forward of the network; each stage is compared with the least time that\n"
       "its kernels could take. A case takes --seconds, or three runs, but no more than 30 times as long.\n"
-      "Every result is checked before it is timed: single operations against their references at small sizes, and at\n"
-      "the size that is timed mostly that there are numbers. The peaks are measured in the same run.\n"
+      "Every result is checked before it is timed: single operations against their references at small sizes; at\n"
+      "the size that is timed, most are only checked for values that are not finite. The peaks are measured in the\n"
+      "same run.\n"
       "Suites: gemm, conv3d, render, train, fit, model, sparse, formats, and of single operations:\n" +
       lines_of(words(VSPLAT_BENCH_OPERATIONS)));
   return sub;

@@ -42,7 +42,8 @@ void add_device_options(CLI::App& app, Common& common, bool precision) {
       ->check(one_of({"auto", "cpu", "gpu"}))
       ->type_name("auto|cpu|gpu")
       ->group(group);
-  app.add_option("--gemm", common.gemm, "What multiplies matrices")
+  app.add_option("--gemm", common.gemm,
+                 "Implementation of matrix products: CLBlast, or vsplat's own, which auto takes (default: auto)")
       ->check(one_of({"auto", "own", "clblast"}))
       ->type_name("auto|own|clblast")
       ->group(group);
@@ -52,7 +53,7 @@ void add_device_options(CLI::App& app, Common& common, bool precision) {
         ->check(one_of({"fp32", "mixed"}))
         ->type_name("fp32|mixed")
         ->group(group);
-  app.add_option("--max-memory", common.max_memory, "Device memory to plan with (default: what the device reports)")
+  app.add_option("--max-memory", common.max_memory, "Device memory to use at most (default: what the device reports)")
       ->check(positive())
       ->type_name("GiB")
       ->group(group);
@@ -74,7 +75,7 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
   common.takes_profile = takes.profile;
   if (takes.profile) {
     app.add_option("--profile", common.profile,
-                   "Write a profile: the time of every kernel and of the host (.html: a page)")
+                   "Write a profile: the time of every kernel and of the host, as JSON or as a page")
         ->type_name("FILE.json|.html")
         ->group(group);
     app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
@@ -86,10 +87,10 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
                  "Read pictures, masks, textures and buffers that files name wherever they are, not only in the files' "
                  "folder")
         ->group(group);
-  if (takes.json) app.add_flag("--json", common.json, "Results as JSON on stdout")->group(group);
-  if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace files that exist")->group(group);
-  app.add_flag("-q,--quiet", common.quiet, "Only warnings and errors")->group(group);
-  app.add_flag("-v,--verbose", common.verbose, "Details")->group(group);
+  if (takes.json) app.add_flag("--json", common.json, "Print results as JSON on stdout")->group(group);
+  if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace existing files")->group(group);
+  app.add_flag("-q,--quiet", common.quiet, "Print only warnings and errors")->group(group);
+  app.add_flag("-v,--verbose", common.verbose, "Also print details")->group(group);
 }
 
 bool wants_times(const Common& common) { return !common.profile.empty() || !common.trace.empty(); }

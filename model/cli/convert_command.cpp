@@ -159,7 +159,7 @@ void add_scene_convert(CLI::App& app, Run& run) {
       ->type_name("SCENE...");
   sub->add_option("-o,--output", o->output, "The scene to write; then all of SCENE... are read")->type_name("SCENE");
   sub->add_option("--spz-version", o->spz_version,
-                  "Version of the SPZ file (default 4); many programs in browsers read only 2 and 3")
+                  "Version of the SPZ file (default: 4); many programs in browsers read only 2 and 3")
       ->check(one_of({"2", "3", "4"}))
       ->type_name("2|3|4");
   sub->add_flag(

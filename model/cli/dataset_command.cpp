@@ -139,17 +139,19 @@ void add_shared(CLI::App& sub, DatasetOptions& o, bool reads) {
   sub.add_option("-o,--output", o.output, "The folder to write; each object gets a folder in it")
       ->required()
       ->type_name("DIR");
-  sub.add_option("--views", o.views, "Pictures of each object (40)")->check(CLI::Range(1, 9999))->type_name("N");
-  sub.add_option("--size", o.pixels, "Sides of the pictures in pixels (512)")
+  sub.add_option("--views", o.views, "Number of pictures of each object (default: 40)")
+      ->check(CLI::Range(1, 9999))
+      ->type_name("N");
+  sub.add_option("--size", o.pixels, "Width and height of the pictures in pixels (default: 512)")
       ->check(CLI::Range(8, 8192))
       ->type_name("N");
-  sub.add_option("--seed", o.seed, "Seed of all random choices (0)")->type_name("S");
+  sub.add_option("--seed", o.seed, "Seed of all random choices (default: 0)")->type_name("S");
   add_common(sub, o.common, {.device = false, .profile = false, .outside = reads});
 }
 
 void add_render_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<DatasetOptions>();
-  CLI::App* sub = parent.add_subcommand("render", "Draw meshes from all around, a folder each");
+  CLI::App* sub = parent.add_subcommand("render", "Draw meshes from all sides, each into a folder of its own");
   sub->add_option("meshes", o->meshes, "OBJ, PLY, STL, GLB or glTF files")->required()->type_name("MESH...");
   sub->add_option("--texture", o->texture, "A picture that covers every mesh instead of its own textures and colours")
       ->type_name("PICTURE");
@@ -166,10 +168,11 @@ void add_render_action(CLI::App& parent, Run& run) {
 
 void add_procedural_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<DatasetOptions>();
-  CLI::App* sub = parent.add_subcommand("procedural", "Draw random objects, a folder each");
-  sub->add_option("--count", o->count, "How many")->required()->check(CLI::Range(1, 9999))->type_name("N");
+  CLI::App* sub = parent.add_subcommand("procedural", "Draw random objects, each into a folder of its own");
+  sub->add_option("--count", o->count, "Number of objects")->required()->check(CLI::Range(1, 9999))->type_name("N");
   CLI::Option* textures =
-      sub->add_option("--textures", o->textures, "A folder of pictures; half of the parts get one of them as a texture")
+      sub->add_option("--textures", o->textures,
+                      "A folder of pictures; half of the objects' parts get one of them as a texture")
           ->type_name("DIR");
   sub->add_flag("--solids", o->solids, "Plain objects: one to four whole bodies with patterns")->excludes(textures);
   add_shared(*sub, *o, false);
@@ -185,7 +188,7 @@ void add_procedural_action(CLI::App& parent, Run& run) {
 }  // namespace
 
 void add_dataset(CLI::App& app, Run& run) {
-  CLI::App* sub = app.add_subcommand("dataset", "Make data sets of posed pictures, and look into them");
+  CLI::App* sub = app.add_subcommand("dataset", "Make data sets of posed pictures, and show what they hold");
   sub->require_subcommand(1);
   add_render_action(*sub, run);
   add_procedural_action(*sub, run);

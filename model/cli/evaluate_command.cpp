@@ -230,7 +230,7 @@ void add_evaluate(CLI::App& app, Run& run) {
                   "at random; the inputs are the first of each group")
       ->check(one_of({"kmeans", "random10"}))
       ->type_name("kmeans|random10");
-  sub->add_option("--seed", o->seed, "Seed of --protocol random10 and --pose-noise (0)")->type_name("S");
+  sub->add_option("--seed", o->seed, "Seed of --protocol random10 and --pose-noise (default: 0)")->type_name("S");
   sub->add_option("--view-count", o->view_count,
                   "Number of input views (default: as many as the model was trained with)")
       ->check(CLI::Range(1, 16))
@@ -249,13 +249,14 @@ void add_evaluate(CLI::App& app, Run& run) {
   sub->add_option("--sheet", o->sheet, "Best, median and worst object: inputs, truth, coarse level, result in rows")
       ->type_name("FILE.png");
   sub->add_flag("--refine", o->refine,
-                "Measure the scene fitted to the inputs, and to them alone, as `vsplat fit --start network` does");
+                "Measure the scene after fitting it to the inputs alone, as `vsplat fit --start network` does");
   sub->add_option("--pose-noise", o->pose_noise,
                   "Give the network noisy poses of all inputs but the first: turned and moved about the object by "
                   "normal random numbers of this standard deviation, in radians and in edges of its cube")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SIGMA");
-  sub->add_option("--pose-draws", o->pose_draws, "Draws of that noise; each number is the mean over them (1)")
+  sub->add_option("--pose-draws", o->pose_draws,
+                  "Number of draws of that noise; each result is the mean over them (default: 1)")
       ->check(CLI::Range(1, 1000))
       ->type_name("N");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
@@ -279,15 +280,15 @@ void add_evaluate(CLI::App& app, Run& run) {
   }
   scenes->excludes(table)->excludes(sub->get_option("--skip-bad"));
   sub->add_option("-o,--output", o->table.outputs,
-                  "Write the table of --table or --scenes, too; may be given several times")
+                  "Also write the table of --table or --scenes to this file; may be given several times")
       ->allow_extra_args(false)
       ->type_name("FILE.md|.csv|.json");
   sub->add_flag("--dry-run", o->table.dry_run,
-                "Read what --table or --scenes lists; print the memory of each row, or the views; measure nothing");
+                "Only read what --table or --scenes lists, and print the memory of each row, or the views");
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to\n"
-      "each novel one; SSIM; the share of voxels that were selected. Each is of all novel views of an object\n"
+      "each novel one; SSIM; the share of voxels that were selected. Each is over all novel views of an object\n"
       "together, on white. With --pose-noise, the error of the poses that the network got, and of the rays if the\n"
       "model predicts them: degrees, and distances in edges of the cube.\n"
       "Examples:\n"

@@ -123,7 +123,7 @@ void add_fit(CLI::App& app, Run& run) {
   auto o = std::make_shared<FitCommand>();
   CLI::App* sub = app.add_subcommand("fit", "Fit a scene to its pictures, and measure the gain on held-out views");
   sub->add_option("VIEWS", o->views,
-                  "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
+                  "Posed pictures: transforms.json, cameras.json, a COLMAP model, or a folder with one of these")
       ->required()
       ->type_name("VIEWS");
   sub->add_option("-o,--output", o->output, "The scene to write, in the format of its ending, or its page (.html)")
@@ -146,16 +146,16 @@ void add_fit(CLI::App& app, Run& run) {
       ->type_name("FILE.png")
       ->group(files);
   sub->add_option("--log", fit_options.log,
-                  "Every step: phase, loss, Gaussians, PSNR held out, seconds; in the last line psnr_cc")
+                  "A row for each step: phase, loss, Gaussians, PSNR held out, seconds; the last row also has psnr_cc")
       ->type_name("FILE.csv")
       ->group(files);
-  sub->add_option("--checkpoint", fit_options.checkpoint, "Folder for the state, which is written from time to time")
+  sub->add_option("--checkpoint", fit_options.checkpoint, "Folder in which the state is saved from time to time")
       ->type_name("DIR")
       ->group(files);
   sub->add_flag("--resume", fit_options.resume,
-                "Continue from the state in --checkpoint: the result has the same bytes")
+                "Continue from the state in --checkpoint; the result has the same bytes as without the interruption")
       ->group(files);
-  sub->add_flag("--dry-run", o->dry_run, "Only say how much memory and time it takes: a few steps are timed")
+  sub->add_flag("--dry-run", o->dry_run, "Only print how much memory and time it would take; a few steps are timed")
       ->group(files);
   add_common(*sub, o->common);
   sub->footer(

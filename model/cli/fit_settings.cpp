@@ -202,7 +202,7 @@ void add_scene_options(CLI::App& sub, FitOptions& o) {
                  "Number of steps (default: auto, by --quality; for an object with few views, the number that was "
                  "best for the views left out in turn)")
       ->type_name("N|auto");
-  sub.add_option("--time", o.seconds, "Time limit: no step begins that would end later, judging included")
+  sub.add_option("--time", o.seconds, "Time limit, measuring included: no step is begun that would end after it")
       ->type_name("SECONDS");
   sub.add_option(
          "--holdout", o.holdout,
@@ -216,31 +216,31 @@ void add_scene_options(CLI::App& sub, FitOptions& o) {
                  "does not grow)")
       ->type_name("N")
       ->group(what);
-  sub.add_option(
-         "--strategy", o.strategy,
-         "Where it grows: mcmc adds Gaussians where opaque ones are, error splits what covers the pictures' errors "
-         "(default: mcmc)")
+  sub.add_option("--strategy", o.strategy,
+                 "How it grows: mcmc adds Gaussians near opaque ones, error splits those that cover errors of the "
+                 "pictures (default: mcmc)")
       ->check(one_of({"mcmc", "error"}))
       ->type_name("mcmc|error")
       ->group(what);
-  sub.add_option(
-         "--consolidate", o.consolidate,
-         "Share of its Gaussians that stays for the last quarter of the steps, the most visible ones (default: 0.5 "
-         "for an object with many views and without --max-gaussians, else 1)")
+  sub.add_option("--consolidate", o.consolidate,
+                 "Share of its Gaussians to keep for the last quarter of the steps, the most visible ones (default: "
+                 "0.5 for an object with many views and without --max-gaussians, else 1)")
       ->type_name("SHARE")
       ->group(what);
   sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 with many views)")
       ->check(one_of({"0", "1", "2", "3"}))
       ->type_name("0..3")
       ->group(what);
-  sub.add_option("--freeze", o.freeze, "Which parameters stay as they are, of means, scales, rotations, opacities, sh")
+  sub.add_option("--freeze", o.freeze,
+                 "Parameters that are not changed: some of means, scales, rotations, opacities, sh")
       ->type_name("NAME,...")
       ->group(what);
   sub.add_flag("--antialias", o.antialias,
                "Fit for drawing at any size: what is smaller than a pixel fades instead of growing. The file says so, "
                "and render obeys it")
       ->group(what);
-  sub.add_option("--seed", o.seed, "Seed of the pictures' order, of backgrounds, growth and --start random (0)")
+  sub.add_option("--seed", o.seed,
+                 "Seed of the pictures' order, of random backgrounds, of growth and of --start random (default: 0)")
       ->type_name("S")
       ->group(what);
 }
@@ -249,15 +249,16 @@ void add_scene_options(CLI::App& sub, FitOptions& o) {
 
 std::vector<CLI::Option*> add_fit_settings(CLI::App& app, FitSettings& o) {
   const std::size_t before = app.get_options().size();
-  app.add_option("--start", o.start,
-                 "What it begins with: a scene, what the network makes, COLMAP's points, or points at random (a file "
-                 "of such a name is ./NAME). Default: auto, a whole scene's points, or random ones if there are none; "
-                 "for an object the network with fewer than 12 pictures, else the points, else random ones")
+  app.add_option(
+         "--start", o.start,
+         "What the fit begins with: a scene file (./NAME if it is called like one of these words), the network's "
+         "scene, COLMAP's points, or random points. Default: auto, for a whole scene its points, for an object the "
+         "network's scene with fewer than 12 pictures, else its points; random points if there are none")
       ->type_name("SCENE|network|points|random|auto");
   app.add_flag("--scene", o.scene,
                "Fit the whole scene that the pictures show (default, unless they have masks or alpha, or a cube is "
                "given)");
-  app.add_flag("--object", o.object, "Fit an object: what lies outside its cube is white");
+  app.add_flag("--object", o.object, "Fit an object: everything outside its cube is white");
   app.add_option("--views", o.names,
                  "Which pictures are used: names (stem or path) or @ and place in the list from 0 (default: all)")
       ->type_name("NAME,...|@INDEX,...");
@@ -270,8 +271,8 @@ std::vector<CLI::Option*> add_fit_settings(CLI::App& app, FitSettings& o) {
                  "scene a hundredth of the distance to its nearest points)")
       ->type_name("Z");
   app.add_option("--view-count", o.view_count,
-                 "How many of the fitted pictures the network of --start network gets, well spread, 1 to 16 (default: "
-                 "what the model's makers measured to be best)")
+                 "Number of well-spread fitted pictures that --start network gives the network, 1 to 16 (default: what "
+                 "the model's authors found best)")
       ->check(CLI::Range(1, 16).description(""))
       ->type_name("N");
   add_placement_options(app, o.placement);
@@ -279,25 +280,26 @@ std::vector<CLI::Option*> add_fit_settings(CLI::App& app, FitSettings& o) {
       ->group(placement_group);
   const char* behind = "Background and masks";
   app.add_option("--background", o.fit.background,
-                 "What is behind the scene where it lets light through, while fitting and measuring: a colour as in "
-                 "`render`; random, another colour in every step, which leaves no holes (measured over black); sky, "
-                 "fitted, too, and written as Gaussians on a far sphere (default: auto, sky for a whole scene; for an "
-                 "object white, with a random colour in every other step of masked pictures)")
+                 "What is behind the scene while fitting and measuring: a colour as in `render`; random, a new colour "
+                 "in every step, which leaves no holes (measured over black); or sky, which is fitted with the scene "
+                 "and written as Gaussians on a far sphere (default: auto, sky for a whole scene; for an object white, "
+                 "with a random colour in every other step if its pictures have masks)")
       ->type_name("COLOUR|random|sky|auto")
       ->group(behind);
   app.add_option("--masks", o.fit.masks,
-                 "What is outside the masks: object, nothing (default); ignore, things that take no part in fitting "
-                 "and measuring, like people who walk past. Alpha always marks the object")
+                 "What masks mark: object, the object, with nothing outside it (default); ignore, what is fitted and "
+                 "measured, while the rest, such as people walking past, is ignored. Alpha always marks the object")
       ->check(one_of({"object", "ignore"}))
       ->type_name("object|ignore")
       ->group(behind);
   app.add_flag("--invert-masks", o.fit.invert_masks, "Masks are black inside, not white")->group(behind);
   app.add_flag("--poses", o.fit.poses,
-               "Correct the cameras a little, too, and write them as cameras.json beside the scene: SCENE.poses.json")
+               "Also correct the cameras slightly, and write them beside the scene in the format of cameras.json: "
+               "SCENE.poses.json")
       ->group(beside_scene);
-  app.add_flag("--exposure", o.fit.exposure,
-               "Give each picture an affine map of colours while fitting, for differing exposure; the maps are "
-               "dropped at the end")
+  app.add_flag(
+         "--exposure", o.fit.exposure,
+         "Fit an affine map of colours for each picture, to compensate for different exposures; the maps are not kept")
       ->group(beside_scene);
   std::vector<CLI::Option*> all = app.get_options();
   return {all.begin() + static_cast<std::ptrdiff_t>(before), all.end()};

@@ -65,7 +65,7 @@ void help(const CLI::App& root, const HelpOptions& o) {
 void add_help(CLI::App& app, Run& run) {
   auto o = std::make_shared<HelpOptions>();
   CLI::App* sub = app.add_subcommand("help", "Show a command's options, as --help does");
-  sub->add_option("command", o->words, "Which command (default: vsplat itself)")->type_name("COMMAND");
+  sub->add_option("command", o->words, "The command (default: vsplat itself)")->type_name("COMMAND");
   // For packagers: the same as man pages, one, or all into a folder.
   sub->add_flag("--man", o->man)->group("");
   sub->add_option("--man-pages", o->pages)->group("");
@@ -76,12 +76,12 @@ void add_help(CLI::App& app, Run& run) {
 void add_completion(CLI::App& app, Run& run) {
   auto shell = std::make_shared<std::string>();
   CLI::App* sub = app.add_subcommand("completion", "Print a script with which a shell completes vsplat's command line");
-  sub->add_option("shell", *shell, "Which shell")
+  sub->add_option("shell", *shell, "The shell")
       ->required()
       ->check(one_of({"bash", "zsh", "fish"}))
       ->type_name("bash|zsh|fish");
   sub->footer(
-      "Installing vsplat puts these where the shells look for them; otherwise:\n"
+      "An installed vsplat has these scripts where the shells look for them. Without installation:\n"
       "Examples:\n"
       "  source <(vsplat completion bash)\n"
       "  vsplat completion zsh > ~/.zfunc/_vsplat\n"

@@ -52,7 +52,7 @@ void add_init(CLI::App& app, Run& run) {
       ->check(one_of({"vsplat", "lara", "genden", "vsplat+genden"}))
       ->type_name("vsplat|lara|genden|vsplat+genden");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
-  sub->add_option("--seed", o->seed, "Seed of the random numbers: a seed gives the same file everywhere")
+  sub->add_option("--seed", o->seed, "Seed of the random numbers; the same seed gives the same file on every machine")
       ->required()
       ->type_name("S");
   sub->add_option("--encoder", o->encoder,
@@ -62,8 +62,8 @@ void add_init(CLI::App& app, Run& run) {
   sub->add_option("--set", o->fields, "Change a field of the configuration")->type_name("FIELD=VALUE");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
   sub->footer(
-      "A model with random weights makes meaningless scenes in the time that a trained one takes. `vsplat train`\n"
-      "makes models that reconstruct, from random weights of its own, and `vsplat reconstruct` has one built in.\n"
+      "A model with random weights takes as long as a trained one, and its scenes are meaningless. `vsplat train`\n"
+      "starts from random weights by itself, and `vsplat reconstruct` has a trained model built in.\n"
       "Examples:\n"
       "  vsplat init small --seed 1 --output small.safetensors\n"
       "  vsplat init tiny --seed 7 --set fine_count=1 --set selection=sigmoid --output m.safetensors\n"

@@ -180,14 +180,14 @@ void add_kernels(CLI::App& app, Run& run) {
       ->type_name("DIR");
   sub->add_option("--model", o->model, "The model whose sizes decide what is launched (default: the built-in model)")
       ->type_name("MODEL.safetensors");
-  sub->add_option("--for", o->jobs, "What launches them (default: all of reconstruct,render,fit,train)")
+  sub->add_option("--for", o->jobs, "Jobs whose programs are listed (default: reconstruct,render,fit,train)")
       ->type_name("JOBS");
   sub->add_option("--flavour", o->flavour, "Flavour of the dense kernels: gpu, cpu or all (default: gpu)")
       ->check(one_of({"gpu", "cpu", "all"}))
       ->type_name("gpu|cpu|all");
   sub->add_flag(
       "--no-build", o->no_build,
-      "Compile nothing here, for drivers that fail at it: how much local memory a kernel declares is then unknown");
+      "Compile nothing, for drivers that fail at it; how much local memory a kernel declares is then unknown");
   add_common(*sub, o->common, {.profile = false, .outside = false, .precision = true});
   sub->footer(
       "The jobs are planned, not run: nothing is launched. The list also has the flavour's kernels that no job\n"

@@ -17,8 +17,8 @@ int main(int argc, char** argv) {
   app.get_formatter()->column_width(38);
   app.footer(
       "Examples:\n"
-      "  vsplat devices                                   what there is to compute on\n"
-      "  vsplat doctor                                    why there is no device, and what to do\n"
+      "  vsplat devices                                   lists what vsplat can compute on\n"
+      "  vsplat doctor                                    says why there is no device, and what to do\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat fit photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"

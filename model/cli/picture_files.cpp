@@ -20,25 +20,26 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
       ->type_name("png|jpg|exr")
       ->group(group);
   app.add_option("--quality", o.quality,
-                 "Quality of JPEG and of a .webp --turntable (default 90; 100: the .webp is lossless)")
+                 "Quality of JPEG and of a .webp --turntable (default: 90; 100: the .webp is lossless)")
       ->type_name("1-100")
       ->group(group);
-  app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
+  app.add_flag("--exr-raw", o.exr_raw,
+               "Write EXR with the rasteriser's own values: floats over the background, without a transfer curve, "
+               "depth accumulated")
       ->group(group);
   app.add_option("--sheet", o.sheet, "A contact sheet of all pictures")->type_name("FILE.png")->group(group);
   app.add_option("--turntable", o.turntable, "An animation of all pictures, which loops")
       ->type_name("FILE.webp|FILE.gif")
       ->group(group);
-  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100, for a GIF at most 50 (default 24)")
+  app.add_option("--fps", o.fps, "Pictures per second of --turntable, 0.1 to 100, for a GIF at most 50 (default: 24)")
       ->type_name("F")
       ->group(group);
-  app.add_option("--write-cameras", o.write_cameras, "The cameras drawn from, as a cameras.json")
+  app.add_option("--write-cameras", o.write_cameras, "Write the cameras of the pictures, in the format of cameras.json")
       ->type_name("FILE.json")
       ->group(group);
-  app.add_option(
-         "--compare", o.compare,
-         "PSNR and SSIM against the pictures of this folder: those of the cameras' files, as --pictures finds them, or "
-         "0000, 0001, ...; larger ones are scaled down")
+  app.add_option("--compare", o.compare,
+                 "Measure PSNR and SSIM against the pictures in this folder: those that the cameras' list names, found "
+                 "as by --pictures, or 0000, 0001, ...; larger ones are scaled down")
       ->type_name("DIR")
       ->group(group);
   app.add_option("--differences", o.differences, "With --compare: folder for 4 x |difference| as 0000.png, ...")
@@ -65,13 +66,16 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
       ->group(group);
   app.add_option("--background", o.background,
                  "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1; or transparent, which gives "
-                 "--images as PNG with alpha (default white)")
+                 "--images as PNG with alpha (default: white)")
       ->type_name("COLOUR")
       ->group(group);
-  app.add_option("--orbit-radius", o.orbit_radius, "Distance of orbit:N's cameras, world units")
+  app.add_option("--orbit-radius", o.orbit_radius,
+                 "Distance of orbit:N's cameras from its centre, world units (default: from the inputs or the scene)")
       ->type_name("R")
       ->group(group);
-  app.add_option("--orbit-elevation", o.orbit_elevation, "Their elevation, degrees")->type_name("DEG")->group(group);
+  app.add_option("--orbit-elevation", o.orbit_elevation, "Elevation of orbit:N's cameras, degrees")
+      ->type_name("DEG")
+      ->group(group);
   app.add_option("--supersample", o.supersample,
                  "Samples along a pixel's edge, 1 to 8: pictures are drawn this many times larger and averaged "
                  "(default: auto, enough for pictures smaller than the scene's input to keep its detail)")

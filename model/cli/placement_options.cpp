@@ -7,7 +7,7 @@ namespace command {
 void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad) {
   app.add_option("--pictures", pictures,
                  "The folder of the pictures, if they are not at the listed paths: each is found below it by the end "
-                 "of its path, also with another ending")
+                 "of its path, also with another ending of its name")
       ->type_name("DIR");
   app.add_flag("--skip-bad", skip_bad,
                "Leave out views that cannot be used (pose, camera, picture or mask), and count them");
@@ -22,10 +22,12 @@ vsplat_views_options views_options(const std::string& pictures, bool skip_bad, b
 }
 
 void add_placement_options(CLI::App& app, PlacementOptions& o) {
-  app.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else estimated)")
+  app.add_option("--center", o.center,
+                 "The cube's centre, world coordinates (default: aabb_center of the file, else estimated)")
       ->type_name("x,y,z")
       ->group(placement_group);
-  app.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else estimated)")
+  app.add_option("--scale", o.scale,
+                 "The cube's edge, world units (default: twice aabb_half of the file, else estimated)")
       ->type_name("S")
       ->group(placement_group);
   app.add_flag("--auto-frame", o.auto_frame,

@@ -209,17 +209,17 @@ void add_profile(CLI::App& app, Run& run) {
   auto o = std::make_shared<DiffOptions>();
   CLI::App* sub = parent->add_subcommand("diff", "Show what has become slower or faster from one profile to another");
   sub->add_option("before", o->before, "A profile that --profile wrote")->required()->type_name("BEFORE.json");
-  sub->add_option("after", o->after, "The one it is compared with")->required()->type_name("AFTER.json");
-  sub->add_option(
-         "--fail-above", o->fail_above,
-         "Exit with 1 if the wall or a stage is slower by more than this; stages under 1 % of the wall are ignored")
+  sub->add_option("after", o->after, "The profile to compare with it")->required()->type_name("AFTER.json");
+  sub->add_option("--fail-above", o->fail_above,
+                  "Exit with 1 if the wall time or a stage is slower by more than this; stages under 1 % of the wall "
+                  "time are ignored")
       ->type_name("P%");
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});
   sub->footer(
       "Examples:\n"
       "  vsplat reconstruct photos/ --output scene.ply --profile before.json\n"
       "  vsplat profile diff before.json after.json --fail-above 5%\n"
-      "Compare runs of one kind, cold or warm: a device's first run compiles.");
+      "Compare first runs with first runs and later ones with later ones: a device's first run also compiles.");
   sub->callback([o, &run] { run = [o] { diff(*o); }; });
 }
 

@@ -269,16 +269,17 @@ void reconstruct(ReconstructOptions& o) {
 void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
   const std::string group = "Fitting";
   sub.add_flag("--refine", o.refine,
-               "Then fit the scene to the pictures, as `vsplat fit --start network` does: to those of --views, "
-               "else all")
+               "Then fit the scene to the pictures, as `vsplat fit --start network` does: to those of --views if "
+               "given, else to all")
       ->group(group);
   sub.add_option("--refine-steps", o.fit.steps, "Number of steps (default: auto, by the number of views)")
       ->type_name("N|auto")
       ->group(group);
-  sub.add_option("--refine-time,--time", o.fit.seconds, "Time limit: no step begins that would end later")
+  sub.add_option("--refine-time,--time", o.fit.seconds,
+                 "Time limit, measuring included: no step is begun that would end after it")
       ->type_name("SECONDS")
       ->group(group);
-  sub.add_option("--refine-size", o.fit.size, "Pixels of the pictures' longer side (default 512)")
+  sub.add_option("--refine-size", o.fit.size, "Pixels of the pictures' longer side (default: 512)")
       ->type_name("N|full")
       ->group(group);
   sub.add_option("--refine-sheet", o.fit.sheet,
@@ -295,17 +296,19 @@ void add_extras(CLI::App& sub, ReconstructOptions& o) {
   sub.add_option("--write-selection", o.write_selection, "Write the selected voxels as text")
       ->type_name("FILE")
       ->group(group);
-  sub.add_option("--selection", o.selection, "Use these voxels instead of selecting")->type_name("FILE")->group(group);
-  sub.add_option("--selection-seed", o.selection_seed, "Select with noise from this seed (default: without noise)")
+  sub.add_option("--selection", o.selection, "Use the voxels in this file, whatever the network would select")
+      ->type_name("FILE")
+      ->group(group);
+  sub.add_option("--selection-seed", o.selection_seed, "Add noise with this seed to the selection (default: no noise)")
       ->type_name("S")
       ->group(group);
   sub.add_option("--near", o.pictures.near, "Near plane, world units (default: 0.2 times the cube's edge)")
       ->type_name("Z")
       ->group(group);
-  sub.add_option("--dump", o.dump, "Write every stage's result as safetensors")->type_name("DIR")->group(group);
-  sub.add_flag("--dry-run", o.dry_run, "Only say how much memory each stage would take")->group(group);
+  sub.add_option("--dump", o.dump, "Write the result of every stage as safetensors")->type_name("DIR")->group(group);
+  sub.add_flag("--dry-run", o.dry_run, "Only print how much memory each stage would take")->group(group);
   sub.add_option("--assume-selected", o.assume_selected,
-                 "Share of the voxels to plan with (default " + share_text(VSPLAT_ASSUME_SELECTED) + ")")
+                 "Share of the voxels that memory is planned for (default: " + share_text(VSPLAT_ASSUME_SELECTED) + ")")
       ->type_name("F")
       ->group(group);
 }
@@ -322,13 +325,14 @@ void add_list(CLI::App& sub, ReconstructOptions& o) {
   const std::string group = "Many objects";
   CLI::Option* list =
       sub.add_option("--list", o.list,
-                     "A text file (or - for stdin) with one VIEWS a line, as on the command line, and optionally a tab "
-                     "and the scene's name: each becomes DIR/NAME.ply. Objects that cannot be read are reported at the "
-                     "end, the others are made; --device takes several")
+                     "A text file (or - for stdin) with one VIEWS per line, as on the command line, optionally "
+                     "followed by a tab and the scene's name. Each scene becomes DIR/NAME.ply. Objects that cannot be "
+                     "read are reported at the end, after the others are made. --device takes several devices")
           ->type_name("FILE")
           ->group(group);
   for (CLI::Option* other : others) list->excludes(other);
-  sub.add_flag("--skip-existing", o.skip_existing, "With --list: skip objects whose scene exists")->group(group);
+  sub.add_flag("--skip-existing", o.skip_existing, "With --list: skip objects whose scene already exists")
+      ->group(group);
 }
 
 }  // namespace
@@ -337,7 +341,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   auto o = std::make_shared<ReconstructOptions>();
   CLI::App* sub = app.add_subcommand("reconstruct", "Make a scene from posed pictures");
   sub->add_option("VIEWS", o->views,
-                  "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
+                  "Posed pictures: transforms.json, cameras.json, a COLMAP model, or a folder with one of these")
       ->type_name("VIEWS");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
   sub->add_option("-o,--output", o->output,
@@ -345,11 +349,11 @@ void add_reconstruct(CLI::App& app, Run& run) {
       ->type_name("SCENE|DIR");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
-                  "(default: well spread ones, as many as --view-count says, or all)")
+                  "(default: well-spread ones, as many as --view-count says)")
       ->type_name("NAME,...|@INDEX,...");
   sub->add_option("--view-count", o->view_count,
-                  "How many pictures to use if there are more, 1 to 16 (default: what the model's makers measured to "
-                  "be best; `vsplat weights info` shows it as use_views, or views)")
+                  "Number of pictures to use at most, 1 to 16 (default: what the model's authors found best: "
+                  "use_views, else views, of `vsplat weights info`)")
       ->check(CLI::Range(1, 16).description(""))
       ->excludes("--views")
       ->type_name("N");
@@ -372,10 +376,10 @@ void add_reconstruct(CLI::App& app, Run& run) {
       "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"
       "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
       "  vsplat reconstruct --list objects.txt --output scenes/ --device all --skip-existing\n"
-      "The scene is in the world of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP; the\n"
-      "background by alpha or masks becomes white.\n"
-      "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json\n"
-      "world-to-camera with x right, y down, z forward.");
+      "The scene has the world coordinates of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP;\n"
+      "what alpha or a mask marks as background becomes white.\n"
+      "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json hold\n"
+      "world-to-camera matrices with x right, y down, z forward.");
   sub->callback([o, &run] { run = [o] { reconstruct(*o); }; });
 }
 

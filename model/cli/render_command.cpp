@@ -131,25 +131,26 @@ void render(const RenderOptions& o) {
 
 void add_render(CLI::App& app, Run& run) {
   auto o = std::make_shared<RenderOptions>();
-  CLI::App* sub = app.add_subcommand("render", "Draw a scene from its file");
-  sub->add_option("scene", o->scene, "A scene, in any format that is read")->required()->type_name("SCENE");
+  CLI::App* sub = app.add_subcommand("render", "Draw pictures of a scene");
+  sub->add_option("scene", o->scene, "A scene file in any supported format")->required()->type_name("SCENE");
   add_picture_options(*sub, o->pictures, "--cameras");
   add_viewer_option(*sub, o->viewer, "Pictures");
-  sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
+  sub->add_option("--near", o->pictures.near, "Near plane, world units (default: the file's, else 0.2)")
       ->type_name("Z")
       ->group("Pictures");
   sub->add_option("--antialias", o->pictures.antialias,
-                  "Whether what is smaller than a pixel fades instead of growing (default: auto, what the file says)")
+                  "Whether what is smaller than a pixel fades instead of growing (default: auto, as the file says)")
       ->check(one_of({"auto", "on", "off"}))
       ->type_name("auto|on|off")
       ->group("Pictures");
   sub->add_flag("--skip-bad", o->pictures.skip_bad,
-                "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), "
-                "cameras that cannot be used, and pictures of --compare that are missing or cannot be read");
+                "Leave out and count Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), cameras "
+                "that cannot be used, and pictures of --compare that are missing or cannot be read");
   sub->add_flag("--exact-tiles", o->pictures.exact_tiles,
-                "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, faster if many are thin")
+                "Draw a Gaussian only in the tiles that its ellipse reaches: the same pictures, faster if many "
+                "Gaussians are thin")
       ->group("Pictures");
-  sub->add_flag("--dry-run", o->dry_run, "Only say how much memory it would take");
+  sub->add_flag("--dry-run", o->dry_run, "Only print how much memory it would take");
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
@@ -165,9 +166,9 @@ void add_render(CLI::App& app, Run& run) {
       "orbit:N is a circle around the scene, with all of it in each picture; up comes from the file, else it is -y.\n"
       "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between,\n"
       "around the point that they look at if there is one.\n"
-      "--compare: alpha and masks put the pictures over --background, lens distortion is undone; SSIM takes 11 x 11\n"
-      "Gaussian windows, sigma 1.5; with --json, null is an infinite PSNR (equal) or the SSIM of a picture too\n"
-      "small.\n"
+      "--compare: pictures with alpha or masks are put over --background, and lens distortion is undone. SSIM takes\n"
+      "11 x 11 Gaussian windows, sigma 1.5. With --json, null is the PSNR of equal pictures, which is infinite, or\n"
+      "the SSIM of a picture that is too small for a window.\n"
       "cameras.json: [{\"file\", \"w\", \"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"w2c\": 4x4}, ...], x right, y down, z "
       "forward.");
   sub->callback([o, &run] { run = [o] { render(*o); }; });

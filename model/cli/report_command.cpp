@@ -68,11 +68,11 @@ void report(const ReportOptions& o) {
 void add_report(CLI::App& app, Run& run) {
   auto o = std::make_shared<ReportOptions>();
   CLI::App* sub = app.add_subcommand("report", "Write one file for a bug report");
-  sub->add_option("-o,--output", o->output, "Where it goes (default: vsplat-report.json)")->type_name("FILE.json");
+  sub->add_option("-o,--output", o->output, "The file to write (default: vsplat-report.json)")->type_name("FILE.json");
   sub->add_option("--seconds", o->seconds, "Time limit for one driver to load and to list its devices (default: 20)")
       ->check(CLI::Range(0.1, 3600.0))
       ->type_name("S");
-  sub->add_flag("--no-run", o->no_run, "Open no device: without the standard run and its profile");
+  sub->add_flag("--no-run", o->no_run, "Open no device, and leave out the standard run and its profile");
   add_common(*sub, o->common, {.profile = false, .json = false, .outside = false});
   sub->footer(
       "The report is JSON, which you can read before you send or paste it. Facts that need no device are written\n"

@@ -96,7 +96,7 @@ void add_change_options(CLI::App& app, ChangeOptions& o) {
   app.add_option(
          "--from", o.from,
          "The input's axes: three letters for where +x, +y and +z point, each R or L (right, left), U or D (up, down), "
-         "F or B (forward, back) (default RDF, as in 3DGS and COLMAP)")
+         "F or B (forward, back) (default: RDF, as in 3DGS and COLMAP)")
       ->type_name("XYZ")
       ->group(changing);
   app.add_option(

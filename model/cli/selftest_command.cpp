@@ -119,8 +119,9 @@ void add_selftest(CLI::App& app, Run& run) {
                   "OpenCL device: index, platform:device, cpu, gpu, or part of a name (`vsplat devices` lists them)")
       ->type_name("DEVICE");
   sub->add_flag("--quick", o->quick, "Test fewer sizes of everything");
-  sub->add_flag("--forget", o->forget, "Do not store the verdict");
-  sub->add_option("--patience", o->patience, "Time without a sign after which a device counts as hanging (default 300)")
+  sub->add_flag("--forget", o->forget, "Do not store the result");
+  sub->add_option("--patience", o->patience,
+                  "Time without progress after which a device counts as hanging (default: 300)")
       ->type_name("SECONDS")
       ->check(CLI::Range(1.0, 1e6));
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});

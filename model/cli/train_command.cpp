@@ -266,10 +266,10 @@ void train(TrainOptions& o) {
 void add_train(CLI::App& app, Run& run) {
   auto o = std::make_shared<TrainOptions>();
   CLI::App* sub = app.add_subcommand("train", "Train a model on data sets of posed pictures");
-  sub->add_option("config", o->config, "What to train and how, a JSON file; absent fields take their defaults")
+  sub->add_option("config", o->config, "What to train and how, a JSON file; missing fields have their defaults")
       ->type_name("CONFIG.json");
   sub->add_option("--data", o->data,
-                  "Folders with objects, or an object's folder; none are needed if the configuration's procedural is 1")
+                  "Folders of objects, or an object's folder; not needed if the configuration's procedural is 1")
       ->type_name("DIR...");
   sub->add_option("--textures", o->textures,
                   "A folder of pictures that procedural objects and rooms' walls are covered with (the configuration's "
@@ -280,7 +280,7 @@ void add_train(CLI::App& app, Run& run) {
          "-o,--output", o->output,
          "The run's folder: log.csv, report.html, sheets, checkpoints, model.safetensors; the page of --compare")
       ->type_name("RUN");
-  sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
+  sub->add_option("--init", o->init, "Begin with this model's weights instead of random ones (fine-tuning)")
       ->type_name("MODEL.safetensors");
   sub->add_option("--pose-noise", o->pose_noise,
                   "Standard deviation of the noise on input views' poses, drawn for each object, instead of the "
@@ -289,8 +289,8 @@ void add_train(CLI::App& app, Run& run) {
       ->type_name("SIGMA");
   sub->add_flag("--resume", o->resume, "Continue from the newest good checkpoint in RUN");
   sub->add_option("--extend", o->extend,
-                  "With --resume: N more steps after the configuration's, with their own rise and cosine of the "
-                  "learning rate; --extend N,M continues after those")
+                  "With --resume: N more steps after the configuration's, with a warm-up and a cosine decay of the "
+                  "learning rate of their own; --extend N,M adds M more after those")
       ->delimiter(',')
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1000000000}))
       ->type_name("N[,M...]");
@@ -298,11 +298,12 @@ void add_train(CLI::App& app, Run& run) {
                   "Train nothing: write one page with the curves of these runs, --output FILE.html")
       ->type_name("RUN...");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
-  sub->add_flag("--skip-bad", o->skip_bad, "Skip and count data that cannot be read");
+  sub->add_flag("--skip-bad", o->skip_bad, "Leave out data that cannot be read, and count them");
   const char* memory = "Memory";
-  sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes; needs no data")->group(memory);
+  sub->add_flag("--dry-run", o->dry_run, "Only print how much device memory a step takes; needs no data")
+      ->group(memory);
   sub->add_option("--assume-selected", o->assume_selected,
-                  "Share of the voxels that memory is reserved for at first (default " +
+                  "Share of the voxels that memory is planned for at first (default: " +
                       share_text(VSPLAT_TRAIN_ASSUME_SELECTED) + ")")
       ->type_name("F")
       ->group(memory);
@@ -315,11 +316,11 @@ void add_train(CLI::App& app, Run& run) {
       ->group(memory);
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
-      "Sizes, the configuration's \"model\": tiny (pictures of 48 x 48 pixels; to see within minutes that it all\n"
-      "works), small (128 x 128; two CPU cores train it in days, at half a minute a step), paper (512 x 512; for a\n"
-      "GPU: --dry-run shows how much memory a step takes). --print-config shows every field.\n"
-      "An interrupt (Ctrl-C) writes a checkpoint and stops; a resumed training ends with the same bits.\n"
-      "Example:\n"
+      "Sizes, the configuration's \"model\": tiny (pictures of 48 x 48 pixels; shows within minutes whether\n"
+      "everything works), small (128 x 128; two CPU cores train it in days, at half a minute a step), paper\n"
+      "(512 x 512; for a GPU: --dry-run shows how much memory a step takes). --print-config shows every field.\n"
+      "Ctrl-C writes a checkpoint and stops; a resumed training ends with the same bits as one that was not stopped.\n"
+      "Examples:\n"
       "  vsplat dataset procedural --count 64 --size 128 --output objects\n"
       "  echo '{\"model\": \"small\", \"steps\": 20000}' > small.json\n"
       "  vsplat train small.json --dry-run\n"

@@ -106,13 +106,14 @@ void add_tune(CLI::App& app, Run& run) {
   sub->add_flag("--quick", o->quick,
                 "About a minute: the slowest operations first, one parameter at a time (the default)");
   sub->add_flag("--full", o->full, "All combinations of values, for as long as it takes");
-  sub->add_option("--seconds", o->seconds, "Time after which --quick begins nothing more (default: 50)")
+  sub->add_option("--seconds", o->seconds, "Time after which --quick begins nothing new (default: 50)")
       ->check(positive())
       ->type_name("S");
-  sub->add_flag("--again", o->again, "Also try again what was tried before");
+  sub->add_flag("--again", o->again, "Also repeat what was tried before");
   sub->add_option("--model", o->model, "The model whose sizes are tuned for (default: the built-in model)")
       ->type_name("MODEL.safetensors");
-  sub->add_option("--for", o->jobs, "Whose sizes: of reconstruct,render,fit,train (default: reconstruct,render)")
+  sub->add_option("--for", o->jobs,
+                  "Jobs whose sizes are tuned for, of reconstruct,render,fit,train (default: reconstruct,render)")
       ->type_name("JOBS");
   sub->add_option("-o,--output", o->output,
                   "Write the table here, for VSPLAT_TUNING; what was tried is reused from it (default: into the cache)")
@@ -120,8 +121,8 @@ void add_tune(CLI::App& app, Run& run) {
   add_common(*sub, o->common, {.profile = false, .overwrite = false, .outside = false});
   sub->footer(
       "Each set of parameters is checked against sums in double precision before it may win, and timed against the\n"
-      "best so far; wrong sets are refused by name. What was tried is kept at once: a search that was stopped\n"
-      "continues where it was. VSPLAT_TUNING=off runs without a table, VSPLAT_TUNING=TABLE.json with that table.\n"
+      "best so far; wrong sets are refused by name. Each result is stored at once: a search that was stopped\n"
+      "continues where it stopped. VSPLAT_TUNING=off runs without a table, VSPLAT_TUNING=TABLE.json with that table.\n"
       "Examples:\n"
       "  vsplat tune\n"
       "  vsplat tune --full --for reconstruct,render,train\n"

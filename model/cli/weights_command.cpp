@@ -180,7 +180,8 @@ void add_convert(CLI::App& parent, Run& run) {
   auto o = std::make_shared<WeightsOptions>();
   CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert,
                              {.device = false, .profile = false, .outside = false});
-  sub->add_option("--dtype", o->dtype, "f16 takes half the space: each value rounded to the nearest, ties to even")
+  sub->add_option("--dtype", o->dtype,
+                  "Type of the values: f16 takes half the space and rounds to nearest, ties to even")
       ->required()
       ->check(one_of({"f16", "f32"}))
       ->type_name("f16|f32");
@@ -196,7 +197,7 @@ void add_import(CLI::App& parent, Run& run) {
   auto o = std::make_shared<WeightsOptions>();
   CLI::App* sub = parent.add_subcommand(
       "import", "Make a model file from a checkpoint of VS-Splat, LaRa or GenDen, or from a DINO or DINOv3 encoder");
-  sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
+  sub->add_option("checkpoint", o->checkpoint, "A checkpoint of Lightning (.ckpt), or a state dict (.pth, .pt)")
       ->required()
       ->type_name("FILE");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
@@ -204,14 +205,14 @@ void add_import(CLI::App& parent, Run& run) {
                   "Fields of the configuration that shapes do not determine, with dotted names or as objects; or the "
                   "output of `vsplat weights info --json`")
       ->type_name("FILE.json");
-  sub->add_option("--set", o->fields, "One such field, applied after those of --config")->type_name("FIELD=VALUE");
+  sub->add_option("--set", o->fields, "One such field; it overrides --config")->type_name("FIELD=VALUE");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
   sub->callback([o, &run] { run = [o] { import(*o); }; });
   sub->footer(
       "Nothing in the file is run: what a state dict does not need is refused by name. Sizes come from the tensors'\n"
       "shapes; the rest (heads, groups, windows, the pictures' and the volume's size) comes from the named\n"
       "configuration with all of these shapes, or else must be given. An encoder alone, DINO's or DINOv3's in timm's\n"
-      "or Meta's naming, becomes a model whose other weights are random, to begin a training with.\n"
+      "or Meta's naming, becomes a model whose other weights are random, as the start of a training.\n"
       "Examples:\n"
       "  vsplat weights import epoch=49.ckpt --output model.safetensors\n"
       "  vsplat weights import own.ckpt --output own.safetensors --set vit_heads=6 --set groups=16 --set image=256 \\\n"
@@ -221,7 +222,7 @@ void add_import(CLI::App& parent, Run& run) {
 }  // namespace
 
 void add_weights(CLI::App& app, Run& run) {
-  CLI::App* sub = app.add_subcommand("weights", "Look into a model file, check it, convert it, or import one");
+  CLI::App* sub = app.add_subcommand("weights", "Show, check, convert or import a model file");
   sub->require_subcommand(1);
   add_action(*sub, run, std::make_shared<WeightsOptions>(), "info", "Configuration, size, tensors and origin", info,
              kOfFile)
@@ -231,7 +232,7 @@ void add_weights(CLI::App& app, Run& run) {
              kOfFile)
       ->footer("Example:\n  vsplat weights verify model.safetensors");
   add_action(*sub, run, std::make_shared<WeightsOptions>(), "check",
-             "Reconstruct an object that needs no file, and measure how well its input views are drawn again", check,
+             "Reconstruct a built-in object, and measure how well its input views are reproduced", check,
              {.outside = false})
       ->footer(
           "The object is random, but the same for every model, in as many views as the model is trained with.\n"
