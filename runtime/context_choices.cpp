@@ -15,7 +15,8 @@ namespace vsplat {
 const char* name_of(Flavour flavour) { return flavour == Flavour::cpu ? "cpu" : "gpu"; }
 const char* name_of(Precision precision) { return precision == Precision::fp32 ? "fp32" : "mixed"; }
 const char* name_of(MatrixUnit unit) {
-  constexpr std::array<const char*, kMatrixUnits.size()> names = {"emulated", "ptx", "dpas", "wmma", "mfma"};
+  constexpr std::array<const char*, kMatrixUnits.size()> names = {"emulated", "ptx",  "dpas",
+                                                                  "wmma",     "mfma", "avx512bf16"};
   return names.at(static_cast<std::size_t>(unit));
 }
 
@@ -31,37 +32,43 @@ Flavour asked_for(Flavour flavour, const SwitchedOff& off) {
   return flavour;
 }
 
-// Only the gpu kernels support mixed precision.
-Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, const SwitchedOff& off) {
-  if (name == "cpu")
-    fail(
-        Status::usage,
-        "mixed precision and the cpu kernels were asked for, and only the gpu kernels multiply in mixed precision: ask "
-        "for those, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
-        Option::kernels);
-  if (off.gpu)
-    fail(
-        Status::device,
-        "mixed precision wants the gpu kernels, and a self-test has found them wrong on {} with this driver: take fp32 "
-        "as {}",
-        device.name, Option::precision);
-  return Flavour::gpu;
+// In mixed precision the unit decides. Emulated units have the gpu kernels, unless the cpu kernels are asked for.
+Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, const SwitchedOff& off, MatrixUnit unit) {
+  const bool cpu = unit == MatrixUnit::avx512bf16 || (unit == MatrixUnit::emulated && name == "cpu");
+  if (name == (cpu ? "gpu" : "cpu"))
+    fail(Status::usage, "mixed precision by {} and the {} kernels were asked for, and these do not use it",
+         name_of(unit), name);
+  if (cpu && device.native_float_width < 4)
+    fail(Status::device,
+         "mixed precision wants vectors for the cpu kernels, and {} has none: ask for the gpu kernels ({}, "
+         "VSPLAT_KERNELS), or take fp32",
+         device.name, Option::kernels);
+  if (cpu ? off.cpu : off.gpu)
+    fail(Status::device,
+         "mixed precision wants the {} kernels, and a self-test has found them wrong on {} with this driver: take fp32 "
+         "as {}",
+         cpu ? "cpu" : "gpu", device.name, Option::precision);
+  return cpu ? Flavour::cpu : Flavour::gpu;
 }
 
 }  // namespace
 
-Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const SwitchedOff& off,
-                       Precision precision) {
+std::string asked_kernels(const std::string& asked) {
   std::string name = asked;
   if (name.empty() || name == "auto") {
     const char* env = std::getenv("VSPLAT_KERNELS");
     name = env && *env ? env : "auto";
   }
-  if (precision == Precision::mixed && (name == "auto" || name == "cpu")) return flavour_of_mixed(name, device, off);
+  if (name != "auto" && name != "cpu" && name != "gpu")
+    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" ({}, VSPLAT_KERNELS)", name, Option::kernels);
+  return name;
+}
+
+Flavour choose_flavour(const std::string& name, const DeviceInfo& device, const SwitchedOff& off,
+                       std::optional<MatrixUnit> mixed) {
+  if (mixed) return flavour_of_mixed(name, device, off, *mixed);
   if (name == "cpu") return asked_for(Flavour::cpu, off);
   if (name == "gpu") return asked_for(Flavour::gpu, off);
-  if (name != "auto")
-    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" ({}, VSPLAT_KERNELS)", name, Option::kernels);
   if (off.cpu || off.gpu) return off.cpu ? Flavour::gpu : Flavour::cpu;
   // Tiling through local memory pays off only if that is dedicated memory.
   return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu

@@ -1,5 +1,6 @@
 // What a context chooses when it is opened: its kernels' flavour, and the limits of its memory.
 #pragma once
+#include <optional>
 #include <string>
 
 #include "runtime/arena.h"
@@ -8,8 +9,11 @@
 
 namespace vsplat {
 
-// `asked`: auto (VSPLAT_KERNELS, else from the device's traits), cpu or gpu.
-Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const SwitchedOff& off, Precision precision);
+// The kernels that are asked for, auto, cpu or gpu: `asked`, or if that is auto, VSPLAT_KERNELS.
+std::string asked_kernels(const std::string& asked);
+// `name`: from asked_kernels(); for auto, the device's traits decide. `mixed`: in mixed precision, what multiplies.
+Flavour choose_flavour(const std::string& name, const DeviceInfo& device, const SwitchedOff& off,
+                       std::optional<MatrixUnit> mixed);
 
 // `max_memory_gib`: 0 for what the device reports.
 ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib);

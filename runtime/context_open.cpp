@@ -59,7 +59,6 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   if (impl_->off.sub_groups && impl_->info.sub_group > 0) impl_->info.sub_group = 0;
   if (impl_->off.vectors) impl_->info.native_float_width = 1;
   impl_->precision = options.precision;
-  impl_->flavour = choose_flavour(options.kernels, impl_->info, impl_->off, options.precision);
   impl_->gemm = options.gemm;
   if (impl_->gemm == GemmChoice::clblast && impl_->precision == Precision::mixed)
     fail(Status::usage,
@@ -72,10 +71,14 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
         "mixed precision was asked for, and a self-test has found its products wrong on {} with this driver: take fp32 "
         "as {}, or set VSPLAT_SELFTEST=ignore to use it all the same",
         impl_->info.name, Option::precision);
+  const std::string kernels = asked_kernels(options.kernels);
+  const bool mixed = impl_->precision == Precision::mixed;
   if (options.matrix_unit)
     impl_->matrix_unit = *options.matrix_unit;
-  else if (impl_->precision == Precision::mixed)
-    impl_->matrix_unit = choose_matrix_unit(impl_->info);
+  else if (mixed)
+    impl_->matrix_unit = choose_matrix_unit(impl_->info, kernels, impl_->off);
+  impl_->flavour =
+      choose_flavour(kernels, impl_->info, impl_->off, mixed ? std::optional(impl_->matrix_unit) : std::nullopt);
   if (impl_->gemm == GemmChoice::clblast && impl_->off.clblast)
     fail(
         Status::device,

@@ -31,7 +31,7 @@ struct ContextOptions {
   std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else from the device's traits), cpu, gpu
   GemmChoice gemm = GemmChoice::auto_;
   double max_memory_gib = 0;              // 0: what the device reports
-  Precision precision = Precision::fp32;  // mixed: only with the gpu kernels
+  Precision precision = Precision::fp32;  // mixed: with the kernels of the matrix unit
   // The matrix units for mixed precision. Unset: the device's units if a trial has shown them to be right
   // (matrix_probe.h), else the emulated ones.
   std::optional<MatrixUnit> matrix_unit = std::nullopt;

@@ -103,6 +103,14 @@ std::optional<PciAddress> pci_of(const cl::Device& device, const std::string& ex
   return std::nullopt;
 }
 
+bool has_avx512bf16() {
+#ifdef __x86_64__
+  return __builtin_cpu_supports("avx512bf16");
+#else
+  return false;
+#endif
+}
+
 DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   DeviceInfo d;
   d.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
@@ -135,6 +143,8 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
       {" cl_amd_device_attribute_query ", {MatrixUnit::wmma, MatrixUnit::mfma}}};
   for (const auto& [extension, of] : units)
     if (extensions.find(extension) != std::string::npos) d.matrix_units = of;
+  // A CPU device computes in this process: its instructions are the processor's.
+  if (d.type == DeviceType::cpu && has_avx512bf16()) d.matrix_units = {MatrixUnit::avx512bf16};
   if (extensions.find(" cl_khr_device_uuid ") != std::string::npos)
     d.uuid = told<std::array<std::uint8_t, 16>>(device, kUuid);
   d.pci = pci_of(device, extensions);

@@ -38,7 +38,8 @@ struct DeviceInfo {
   // The sub-group size to request of a GPU's compiler (-DSUB_GROUP): the smallest one that fills the GPU's vectors. 0:
   // leave the choice to the compiler; -1: the compiler takes no such request.
   int sub_group = -1;
-  // Matrix units that the device's extensions announce, and that may be tried (matrix_probe.h).
+  // Matrix units that the device's extensions announce, or of a CPU device the processor, and that may be tried
+  // (matrix_probe.h).
   std::vector<MatrixUnit> matrix_units;
   bool is_pocl = false;  // has a binary cache of its own
   // Limits of one launch; a longer launch goes to the device in parts (launch_parts.h).

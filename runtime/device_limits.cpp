@@ -13,7 +13,8 @@ namespace {
 [[noreturn]] void refuse(const std::string& part, const char* why) {
   fail(Status::usage,
        "VSPLAT_LIMITS: \"{}\" {}. Expected, separated by commas: group=ITEMS, local=BYTES, buffer=BYTES, memory=BYTES "
-       "(16K, 128M, 2G), align=BITS, size=32, fp64=0, fp16=0, subgroups=0, flops=OPERATIONS (2e10), grid=GROUPS",
+       "(16K, 128M, 2G), align=BITS, size=32, fp64=0, fp16=0, subgroups=0, matrix=0, flops=OPERATIONS (2e10), "
+       "grid=GROUPS",
        part, why);
 }
 
@@ -47,7 +48,8 @@ void lower_one(DeviceInfo& d, const std::string& part) {
     if (value != 0) refuse(part, "raises a claim");
     claim = false;
   };
-  if (value == 0 && key != "fp64" && key != "fp16" && key != "subgroups") refuse(part, "leaves nothing");
+  if (value == 0 && key != "fp64" && key != "fp16" && key != "subgroups" && key != "matrix")
+    refuse(part, "leaves nothing");
   if (key != "flops" && value != std::floor(value)) refuse(part, "is no whole number");
   if (key == "group") {
     at_most(d.max_work_group, value);
@@ -76,6 +78,9 @@ void lower_one(DeviceInfo& d, const std::string& part) {
     without(d.fp16);
   } else if (key == "subgroups") {
     without(d.subgroups);
+  } else if (key == "matrix") {
+    if (value != 0) refuse(part, "raises a claim");
+    d.matrix_units.clear();
   } else {
     refuse(part, "is no such limit");
   }

@@ -10,6 +10,8 @@
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
 #include "runtime/gemm_matrix.h"
+#include "runtime/gemm_pack.h"
+#include "runtime/gemm_pairs.h"
 #include "runtime/log.h"
 #include "runtime/option.h"
 #include "runtime/rounding.h"
@@ -20,8 +22,8 @@ const char* tile_defines(const DeviceInfo& device) { return device.native_float_
 
 namespace {
 
-constexpr long kTileRows = 12, kTileCols = 32;  // of cl/dense/tile_cpu.clh
-constexpr long kMostPanels = 8;                 // of cl/dense/gemm_cpu.cl and cl/dense/gemm_rows_cpu.cl
+constexpr long kTileRows = kPanelRows, kTileCols = kPanelColumns;
+constexpr long kMostPanels = 8;  // of cl/dense/gemm_cpu.cl and cl/dense/gemm_rows_cpu.cl
 // Scratch memory of the gpu flavour, which packs at most a quarter of it at a time.
 constexpr long kScratchFloats = 2 << 20;
 
@@ -105,25 +107,28 @@ void gemm_rows(Context& ctx, const Gemm& g, const Sizes& s, long block) {
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
-  const bool loops = *tile_defines(ctx.device()) != '\0';
+  const bool loops = *tile_defines(ctx.device()) != '\0', pairs = g.b->pairs;
+  const std::string defines = pairs ? pair_defines(ctx) : tile_defines(ctx.device());
+  const long k = pairs ? div_up(s.k, 2L) : s.k;  // words of a row
   // One panel for each work-item if the tile is computed in loops: llvmpipe ends all loops of a work-item after 65535
   // iterations in all.
-  const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, s.k * kTileRows), 1L, kMostPanels);
-  if (!loops && wants_rows(g, s)) return gemm_rows(ctx, g, s, block);
+  const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, k * kTileRows), 1L, kMostPanels);
+  if (!loops && !pairs && wants_rows(g, s)) return gemm_rows(ctx, g, s, block);
   const long panels = div_up(s.m, kTileRows);
-  const long step = std::clamp(tuned.at("scratch") / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
-  const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
+  const long step = std::clamp(tuned.at("scratch") / std::max(1L, k * kTileRows), 1L, std::max(1L, panels));
+  const Tensor scratch = ctx.tensor({step, k, kTileRows}, pairs ? Type::u32 : Type::f32, "packed rows");
+  const bool straddles = pairs && (s.taps > 1 ? s.c0 % 2 + s.c1 % 2 > 0 : s.c1 > 0 && s.c0 % 2 > 0);
   for (long p = 0; p < panels; p += step) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);
-    const double packed = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
-    ctx.launch({"gemm_cpu", "gemm_pack_a", tile_defines(ctx.device())}, groups(s.taps, 1, count), {0, 2 * packed},
-               g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows,
-               s.row0 + p * kTileRows, rows, written(scratch, count * s.k * kTileRows));
-    ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name},
-               groups(div_up(s.n, kTileCols), 1, div_up(count, block)), cost_of(g, s, rows), scratch, g.b->data, block,
-               rows, s.n, s.k, g.bias, static_cast<int>(g.activation), g.residual,
-               written(g.out, (s.out_row0 + p * kTileRows) * s.n, rows * s.n), s.out_row0 + p * kTileRows);
+    const double read = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
+    ctx.launch({"gemm_cpu", "gemm_pack_a", straddles ? defines + " -DSTRADDLES" : defines},
+               groups(straddles ? 1 : s.taps, 1, count), {0, pairs ? 1.5 * read : 2 * read}, g.a.x0, s.c0, g.a.x1, s.c1,
+               g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0 + p * kTileRows, rows,
+               written(scratch, count * k * kTileRows));
+    ctx.launch({"gemm_cpu", "gemm_tile", defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(count, block)),
+               cost_of(g, s, rows), scratch, g.b->data, block, rows, s.n, k, g.bias, static_cast<int>(g.activation),
+               g.residual, written(g.out, (s.out_row0 + p * kTileRows) * s.n, rows * s.n), s.out_row0 + p * kTileRows);
   }
 }
 
@@ -253,27 +258,6 @@ bool in_parts_by_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   return true;
 }
 
-// Packs a strided matrix [k, n], whose first row is w's row `first`, into panels of `width` columns: [ceil(n / width),
-// k, width].
-void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
-                 long width, const Tensor& out) {
-  constexpr long rows = 64;  // ROWS of cl/dense/gemm_cpu.cl
-  ctx.launch({"gemm_cpu", "gemm_pack_panels", tile_defines(ctx.device())}, groups(div_up(n, width), 1, div_up(k, rows)),
-             {0, 8.0 * static_cast<double>(k * n)}, w, offset, first, k, n, k_stride, n_stride, width,
-             written(out, div_up(n, width) * width * k));
-}
-
-// Packs the same matrix into [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin
-// with w's column `first`.
-void pack_plain(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
-                long piece, const Tensor& out) {
-  const long side = square_side(ctx);
-  ctx.launch({"gemm_gpu", "gemm_pack_plain", side == 16 ? "" : "-DPACK_SIDE=8"},
-             groups(div_up(std::min(piece, n), side), side * side, div_up(k, side), div_up(n, piece)),
-             {0, 8.0 * static_cast<double>(k * n)}, w, offset, first, k, n, k_stride, n_stride, piece,
-             written(out, k * n));
-}
-
 constexpr long kSumRows = 1024;  // terms of a sum that is not split (the cpu flavour splits at 256)
 
 struct TransposedSizes {
@@ -292,16 +276,19 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
   const long block = *tile_defines(ctx.device()) ? 1 : tuned.at("block");  // see gemm_cpu()
   check_tile_terms(ctx.device(), g.name, most);
   const long panels = div_up(s.m, kTileRows);
-  const Tensor a = ctx.tensor({panels, most, kTileRows}, Type::f32, "packed rows");
-  const Tensor b = ctx.tensor({div_up(s.n, kTileCols), most, kTileCols}, Type::f32, "packed rows");
+  const bool pairs = wants_pairs(ctx, s.rows, std::min(s.m, s.n));
+  const std::string defines = pairs ? pair_defines(ctx) : tile_defines(ctx.device());
+  const Type type = pairs ? Type::u32 : Type::f32;
+  const auto words = [&](long terms) { return pairs ? div_up(terms, 2L) : terms; };
+  const Tensor a = ctx.tensor({panels, words(most), kTileRows}, type, "packed rows");
+  const Tensor b = ctx.tensor({div_up(s.n, kTileCols), words(most), kTileCols}, type, "packed rows");
   for (long row = 0; row < s.rows; row += most) {
     const long terms = std::min(most, s.rows - row);
-    pack_panels(ctx, g.a, 0, row, terms, s.m, s.m, 1, kTileRows, a);
-    pack_panels(ctx, g.b, 0, row, terms, s.n, s.n, 1, kTileCols, b);
-    ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name},
-               groups(div_up(s.n, kTileCols), 1, div_up(panels, block)), cost_of(s, terms, g.add || row > 0 ? 2 : 1), a,
-               b, block, s.m, s.n, terms, Tensor(), static_cast<int>(Activation::none),
-               g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
+    pack_panels(ctx, {g.a, 0, row, terms, s.m, s.m, 1}, kTileRows, pairs, a);
+    pack_panels(ctx, {g.b, 0, row, terms, s.n, s.n, 1}, kTileCols, pairs, b);
+    ctx.launch({"gemm_cpu", "gemm_tile", defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(panels, block)),
+               cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, block, s.m, s.n, words(terms), Tensor(),
+               static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
   }
 }
 
@@ -317,7 +304,7 @@ void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     const long sums = std::min(most, all - done), row = done * kSumRows;
     const long rows = std::min(s.rows - row, sums * kSumRows);
     const bool add = g.add || done > 0;
-    pack_plain(ctx, g.a, 0, row, s.m, rows, 1, s.m, kSumRows, a);
+    pack_plain(ctx, {g.a, 0, row, s.m, rows, 1, s.m}, kSumRows, a);
     ctx.launch({"gemm_gpu", "gemm_transposed_gpu", shape.defines, g.name},
                groups(div_up(s.n, shape.side), shape.group, div_up(s.m, shape.side), sums),
                cost_of(s, rows, sums + (add && !parts ? 1 : 0)), a, g.b, row, rows, kSumRows, s.m, s.n,
@@ -364,78 +351,6 @@ void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {
          name, terms, device.name, most, Option::kernels);
 }
 
-std::size_t packed_bytes(Flavour flavour, long k, long n) {
-  const long columns = flavour == Flavour::cpu ? div_up(n, kTileCols) * kTileCols : n;
-  return static_cast<std::size_t>(k * columns) * sizeof(float);
-}
-
-namespace {
-
-// Calls visit(i, j) for i < k and j < n, in blocks small enough for a transposition to stay in the first-level cache.
-template <class Visit>
-void for_each_element(long k, long n, const Visit& visit) {
-  constexpr long block = 32;
-  for (long i0 = 0; i0 < k; i0 += block)
-    for (long j0 = 0; j0 < n; j0 += block)
-      for (long i = i0; i < std::min(i0 + block, k); ++i)
-        for (long j = j0; j < std::min(j0 + block, n); ++j) visit(i, j);
-}
-
-}  // namespace
-
-PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
-                         const std::string& what) {
-  if (ctx.flavour() == Flavour::gpu) {
-    // The device transposes faster than the host.
-    const long count = k * n > 0 ? (k - 1) * k_stride + (n - 1) * n_stride + 1 : 0;
-    const Tensor as_stored = ctx.tensor({count}, Type::f32, what + ", unpacked");
-    if (count > 0) ctx.write(as_stored, w);
-    return pack_matrix(ctx, as_stored, k, n, k_stride, n_stride, what);
-  }
-  PackedMatrix out;
-  out.k = k;
-  out.n = n;
-  const bool plain = ctx.gemm_choice() == GemmChoice::clblast;
-  out.data = ctx.tensor({div_up(n, kTileCols), k, kTileCols}, Type::f32, what);
-  if (plain) out.plain = ctx.tensor({k, n}, Type::f32, what);
-  if (ctx.planning()) return out;
-  std::vector<float> host(packed_bytes(Flavour::cpu, k, n) / sizeof(float), 0.0f);
-  for_each_element(k, n, [&](long i, long j) {
-    host[static_cast<std::size_t>((j / kTileCols * k + i) * kTileCols + j % kTileCols)] =
-        w[i * k_stride + j * n_stride];
-  });
-  ctx.write(out.data, host.data());
-  if (plain) {
-    host.resize(static_cast<std::size_t>(k * n));
-    for_each_element(
-        k, n, [&](long i, long j) { host[static_cast<std::size_t>(i * n + j)] = w[i * k_stride + j * n_stride]; });
-    ctx.write(out.plain, host.data());
-  }
-  return out;
-}
-
-PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_stride, long n_stride,
-                         const std::string& what, long first) {
-  if (!w || w.type() != Type::f32 || k < 0 || n < 0 || k_stride < 0 || n_stride < 0 || first < 0 ||
-      (k * n > 0 && first + (k - 1) * k_stride + (n - 1) * n_stride >= w.count()))
-    fail(Status::internal, "{}: {} has no {} x {} elements from {} on with strides {} and {}", what, w.describe(), k, n,
-         first, k_stride, n_stride);
-  PackedMatrix out;
-  out.k = k;
-  out.n = n;
-  const bool panels = ctx.flavour() == Flavour::cpu;
-  if (panels) {
-    out.data = ctx.tensor({div_up(n, kTileCols), k, kTileCols}, Type::f32, what);
-    if (k * n > 0) pack_panels(ctx, w, first, 0, k, n, k_stride, n_stride, kTileCols, out.data);
-  }
-  if (!panels || ctx.gemm_choice() == GemmChoice::clblast) {
-    Tensor& plain = panels ? out.plain : out.data;
-    plain = ctx.tensor({k, n}, Type::f32, what);
-    if (k * n > 0) pack_plain(ctx, w, first, 0, k, n, k_stride, n_stride, n, plain);
-  }
-  return out;
-}
-
 void gemm(Context& ctx, const Gemm& g) {
   const Sizes s = check(g);
   if (s.m == 0 || s.n == 0) return;
@@ -446,7 +361,8 @@ void gemm(Context& ctx, const Gemm& g) {
     plain.a.map = g.a.map;
     return gemm(ctx, plain);
   }
-  if (!g.exact && wants_matrix(ctx, s.m, s.n, s.k)) return gemm_mixed(ctx, g, s);
+  if (g.exact && g.b->pairs) fail(Status::internal, "{}: an exact product with a rounded matrix", g.name);
+  if (ctx.flavour() == Flavour::gpu && !g.exact && wants_matrix(ctx, s.m, s.n, s.k)) return gemm_mixed(ctx, g, s);
   if (s.k > 0 && wants_clblast(ctx, g) && in_parts_by_clblast(ctx, g, s)) return;
   if (ctx.flavour() == Flavour::cpu)
     gemm_cpu(ctx, g, s);

@@ -13,12 +13,14 @@ struct PackedMatrix {
   Tensor data;   // cpu: [ceil(N/32), K, 32], zeros beyond N; gpu: [K, N]
   Tensor plain;  // [K, N], only if CLBlast is forced on the cpu flavour
   long k = 0, n = 0;
+  bool pairs = false;  // mixed precision of the cpu flavour: u32 [ceil(N/32), ceil(K/2), 32], see gemm_pairs.h
 };
 
 // Packs from host memory: element (k, n) is w[k * k_stride + n * n_stride]. For a Linear's weight [N,K]: k_stride 1,
 // n_stride K.
+// `exact`: for products with Gemm::exact, and for kernels other than gemm()'s.
 PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
-                         const std::string& what);
+                         const std::string& what, bool exact = false);
 // Packs from device memory, which may change afterwards (weights in training): element (k, n) is w's element first + k
 // * k_stride + n * n_stride. For the gradient by a Linear's input, dY W, B is W itself: k_stride K, n_stride 1.
 PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_stride, long n_stride,
@@ -68,7 +70,7 @@ struct Gemm {
   // First row of residual and out, if it differs from A's (a block of A in scratch memory). < 0: row0.
   long out_row0 = -1;
   const char* name = "gemm";  // its row in the profile (packing A: "gemm_pack_a")
-  bool exact = false;         // fp32 even in mixed precision: for measuring results
+  bool exact = false;         // fp32 even in mixed precision: for measuring results; B is packed so
 };
 
 void gemm(Context& ctx, const Gemm& g);

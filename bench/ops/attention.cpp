@@ -6,11 +6,14 @@
 #include "bench/references.h"
 #include "bench/sums.h"
 #include "model/diagnose/selftest/reference/attention.h"
+#include "runtime/gemm_pairs.h"
 
 namespace vsplat::bench {
 namespace {
 
 constexpr long kTokenRows = kTokens * kTokens + 1, kViewHeads = 12, kViewHeadSize = kDim / kViewHeads;
+
+constexpr double kPairsTolerance = 2e-2;  // of rounded operands
 
 // With enough spread that the weights differ.
 std::vector<float> queries_keys_values() { return random_floats(kViews * kTokenRows * 3 * kDim, 1, -2.0f, 2.0f); }
@@ -21,6 +24,7 @@ Prepared prepare_attention(Context& ctx, bool references) {
                      ctx.tensor({kViews, kTokenRows, kDim}), ctx.tensor({kViews, kViewHeads, kTokenRows, 2})};
   Prepared p = operation(ctx, [&ctx, a] { attention_forward(ctx, a); }, {a.out, a.stats});
   const auto want = [host](long i) { return attention_at(*host, kTokenRows, kViewHeads, kDim, i / kDim, i % kDim); };
+  if (wants_pairs(ctx, kViewHeadSize, kTokenRows)) p.tolerance = kPairsTolerance;
   p.error = [&ctx, a, want] {
     const auto got = ctx.read<float>(a.out);
     return worst_error(
@@ -71,6 +75,7 @@ Prepared prepare_attention_backward(Context& ctx) {
   attention_forward(ctx, f);
   AttentionBackward a{f.qkv, f.out, f.stats, ctx.upload(f.out.shape(), *dout), ctx.tensor(f.qkv.shape())};
   Prepared p = operation(ctx, [&ctx, a] { attention_backward(ctx, a); }, {a.dqkv});
+  if (wants_pairs(ctx, kViewHeadSize, kTokenRows)) p.tolerance = kPairsTolerance;
   p.error = [&ctx, a, host, dout] { return backward_error(ctx, a, *host, *dout); };
   return p;
 }

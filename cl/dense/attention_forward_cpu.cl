@@ -15,6 +15,10 @@
 //                                              and one over the sum of 2^(score - largest); null: not written
 // scale            float                       1 / sqrt(D)
 // define HEAD_PAD  64                          D rounded up to a multiple of 32
+// define PAIRS                                 mixed precision: kt is u32 [V H,N,ceil(D/2),32], pairs of neighbouring
+//                                              channels, and vp u32 [V H,16 N,HEAD_PAD], of neighbouring keys
+//                                              (pairs_cpu.clh); queries and weights are rounded, too, sums of weights
+//                                              are of those that were not rounded
 // work-items       groups of one; attention_forward_pack: (panel, v H + h); then (ROWS queries, v H + h)
 // ```
 #include "attention_tile_cpu.clh"
@@ -33,7 +37,7 @@ static inline float sum_of(float16 v) {
   return c.x + c.y;
 }
 
-kernel void attention_forward_pack(global const float* qkv, global float* kt, global float* vp, int V, int T, int H,
+kernel void attention_forward_pack(global const float* qkv, global Term* kt, global Term* vp, int V, int T, int H,
                                    int D) {
   const int n = get_global_id(0), vh = get_global_id(1);
   const int panels = DIV_UP(T, KEYS);
@@ -42,14 +46,29 @@ kernel void attention_forward_pack(global const float* qkv, global float* kt, gl
   const size_t row = (size_t)3 * H * D;
   global const float* k = qkv + (size_t)v * T * row + (size_t)(H + h) * D;
   global const float* values = k + (size_t)H * D;
-  global float* kto = kt + ((size_t)vh * panels + n) * D * KEYS;
-  global float* vpo = vp + ((size_t)vh * panels + n) * KEYS * HEAD_PAD;
+  global Term* kto = kt + ((size_t)vh * panels + n) * TERMS_OF(D) * KEYS;
+  global Term* vpo = vp + ((size_t)vh * panels + n) * TERMS_OF(KEYS) * HEAD_PAD;
   const int count = min(KEYS, T - n * KEYS);
+#ifdef PAIRS
+  k += (size_t)n * KEYS * row, values += (size_t)n * KEYS * row;
+  for (int d = 0; d < D; d += 2)
+    for (int j = 0; j < KEYS; ++j) {
+      global const float* key = k + (size_t)min(j, count - 1) * row + d;
+      kto[d / 2 * KEYS + j] = j < count ? pair_of(key[0], d + 1 < D ? key[1] : 0.0f) : 0u;
+    }
+  for (int j = 0; j < KEYS; j += 2)
+    for (int d = 0; d < HEAD_PAD; ++d) {
+      const float first = j < count && d < D ? values[(size_t)j * row + d] : 0.0f;
+      const float second = j + 1 < count && d < D ? values[(size_t)(j + 1) * row + d] : 0.0f;
+      vpo[j / 2 * HEAD_PAD + d] = pair_of(first, second);
+    }
+#else
   for (int d = 0; d < D; ++d)
     for (int j = 0; j < KEYS; ++j) kto[d * KEYS + j] = j < count ? k[(size_t)(n * KEYS + j) * row + d] : 0.0f;
   for (int j = 0; j < KEYS; ++j)
     for (int d = 0; d < HEAD_PAD; ++d)
       vpo[j * HEAD_PAD + d] = j < count && d < D ? values[(size_t)(n * KEYS + j) * row + d] : 0.0f;
+#endif
 }
 
 // The running softmax of a tile's queries.
@@ -67,15 +86,15 @@ typedef struct {
   vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
   high[i] = max(high[i], max(lo##i, hi##i));
 
-// Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS]: written to p [ROWS, STEP] from `column` on. If
-// `beyond` > 0, the last `beyond` keys of the panel do not exist and have score -infinity. high [ROWS]: the largest
-// scores, lane by lane, updated.
-static inline void tile_scores(const float* q, global const float* b, int D, int beyond, int column, float* p,
+// Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS], D in terms: written to p [ROWS, STEP] from
+// `column` on. If `beyond` > 0, the last `beyond` keys of the panel do not exist and have score -infinity. high [ROWS]:
+// the largest scores, lane by lane, updated.
+static inline void tile_scores(const Term* q, global const Term* b, int D, int beyond, int column, float* p,
                                float16* high) {
   EACH_ROW(TILE_ZERO)
-  for (int d = 0; d < D; ++d) {
-    const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
-    const float* a_ = q + d * ROWS;
+  for (int d = 0; d < TERMS_OF(D); ++d) {
+    const Term16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
+    const Term* a_ = q + d * ROWS;
     const int a_step_ = 1;
     EACH_ROW(TILE_FMA)
   }
@@ -87,8 +106,8 @@ static inline void tile_scores(const float* q, global const float* b, int D, int
   EACH_ROW(TILE_SCORE)
 }
 
-// Turns the first `count` scores of each row of p [ROWS, STEP] into weights, in place.
-static inline void softmax_step(Softmax* state, const float16* high, int count, float* p) {
+// Turns the first `count` scores of each row of p [ROWS, STEP] into weights w [ROWS, STEP in terms].
+static inline void softmax_step(Softmax* state, const float16* high, int count, const float* p, Term* w) {
   for (int i = 0; i < ROWS; ++i) {
     const float before = state->largest[i], top = max(before, max_of(high[i]));
     const float decay = before == top ? 1.0f : exp2(before - top);
@@ -97,7 +116,11 @@ static inline void softmax_step(Softmax* state, const float16* high, int count, 
     float16 sum = state->total[i] * decay;
     for (int j = 0; j < count; j += 16) {
       const float16 e = exp2_16(vload16(0, p + i * STEP + j) - top);
-      vstore16(e, 0, p + i * STEP + j);
+#ifdef PAIRS
+      vstore8(pairs_along(e), 0, w + (i * STEP + j) / 2);
+#else
+      vstore16(e, 0, w + i * STEP + j);
+#endif
       sum += e;
     }
     state->total[i] = sum;
@@ -108,33 +131,44 @@ static inline void softmax_step(Softmax* state, const float16* high, int count, 
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column) * decay[i]; \
   float16 hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16) * decay[i];
 
-// o [ROWS, HEAD_PAD] = decay o + p values, for the first `count` columns of p [ROWS, STEP], and values [count,
-// HEAD_PAD].
-static inline void add_values(const float* p, global const float* values, int count, const float* decay, float* o) {
+// o [ROWS, HEAD_PAD] = decay o + w values, for the first `count` columns of w [ROWS, STEP], and values [count,
+// HEAD_PAD]; columns in terms.
+static inline void add_values(const Term* w, global const Term* values, int count, const float* decay, float* o) {
   for (int column = 0; column < HEAD_PAD; column += 32) {
     EACH_ROW(TILE_OUT_LOAD)
-    for (int j = 0; j < count; ++j) {
-      const float16 b0_ = vload16(0, values + j * HEAD_PAD + column),
-                    b1_ = vload16(0, values + j * HEAD_PAD + column + 16);
-      const float* a_ = p + j;
-      const int a_step_ = STEP;
+    for (int j = 0; j < TERMS_OF(count); ++j) {
+      const Term16 b0_ = vload16(0, values + j * HEAD_PAD + column),
+                   b1_ = vload16(0, values + j * HEAD_PAD + column + 16);
+      const Term* a_ = w + j;
+      const int a_step_ = TERMS_OF(STEP);
       EACH_ROW(TILE_FMA)
     }
     EACH_ROW(TILE_KEEP)
   }
 }
 
-kernel void attention_forward_cpu(global const float* qkv, global const float* kt, global const float* vp,
+kernel void attention_forward_cpu(global const float* qkv, global const Term* kt, global const Term* vp,
                                   global float* out, global float* stats, int V, int T, int H, int D, float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
-  float q[HEAD_PAD * ROWS];  // [D, ROWS], scaled for base 2
+  Term q[TERMS_OF(HEAD_PAD) * ROWS];  // [D in terms, ROWS], scaled for base 2
   float o[ROWS * HEAD_PAD], p[ROWS * STEP];
+#ifdef PAIRS
+  uint w[ROWS * TERMS_OF(STEP)];
+#else
+  float* w = p;
+#endif
   Softmax state;
   for (int i = 0; i < ROWS; ++i) {
     global const float* from = qkv + ((size_t)(v * T + min(t0 + i, T - 1)) * 3 * H + h) * D;
+#ifdef PAIRS
+    for (int d = 0; d < D; d += 2)
+      q[d / 2 * ROWS + i] =
+          pair_of(from[d] * (scale * LOG2E), d + 1 < D ? from[min(d + 1, D - 1)] * (scale * LOG2E) : 0.0f);
+#else
     for (int d = 0; d < D; ++d) q[d * ROWS + i] = from[d] * (scale * LOG2E);
+#endif
     for (int d = 0; d < HEAD_PAD; d += 16) vstore16((float16)(0.0f), 0, o + i * HEAD_PAD + d);
     state.total[i] = (float16)(0.0f);
     state.largest[i] = -INFINITY;
@@ -145,9 +179,9 @@ kernel void attention_forward_cpu(global const float* qkv, global const float* k
     float16 high[ROWS];
     for (int i = 0; i < ROWS; ++i) high[i] = (float16)(-INFINITY);
     for (int n = 0; n < here; ++n)
-      tile_scores(q, kt + (first + n) * D * KEYS, D, (n0 + n + 1) * KEYS - T, n * KEYS, p, high);
-    softmax_step(&state, high, here * KEYS, p);
-    add_values(p, vp + first * KEYS * HEAD_PAD, here * KEYS, state.decay, o);
+      tile_scores(q, kt + (first + n) * TERMS_OF(D) * KEYS, D, (n0 + n + 1) * KEYS - T, n * KEYS, p, high);
+    softmax_step(&state, high, here * KEYS, p, w);
+    add_values(w, vp + first * TERMS_OF(KEYS) * HEAD_PAD, here * KEYS, state.decay, o);
   }
   for (int i = 0; i < rows; ++i) {
     global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;

@@ -99,7 +99,7 @@ Lpips::Lpips(Context& ctx, const std::string& path, LpipsNet net) : network_(std
                                                layer.cout, layer.cin, side * side);
     const std::vector<float> bias = read(file, name + ".bias", {layer.cout});
     network_->convolutions.push_back(
-        {pack_matrix(ctx, w.data(), k, layer.cout, 1, k, name), ctx.upload({layer.cout}, bias, Type::f32, name)});
+        {pack_matrix(ctx, w.data(), k, layer.cout, 1, k, name, true), ctx.upload({layer.cout}, bias, Type::f32, name)});
     if (!layer.compared) continue;
     const std::string head = fmt::format("lin{}.model.1.weight", network_->heads.size());
     network_->heads.push_back(ctx.upload({layer.cout}, read(file, head, {1, layer.cout, 1, 1}), Type::f32, head));

@@ -2,13 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "runtime/bfloat16.h"
 #include "runtime/fail.h"
 #include "runtime/gemm_matrix.h"
+#include "runtime/gemm_pairs.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 #include "runtime/printable.h"
 #include "runtime/system/environment.h"
 #include "runtime/tuning/kept_finding.h"
@@ -32,20 +37,43 @@ std::vector<float> probe_numbers(long count, unsigned seed, bool whole) {
   return out;
 }
 
+float rounded(float x) { return from_bfloat16(to_bfloat16(x)); }
+
+// out = x b, in the gpu flavour and in the cpu flavour.
+std::function<void()> by_fragments(Context& ctx, const ProbeSizes& s, const Tensor& x, const std::vector<float>& b,
+                                   const Tensor& out) {
+  MatrixProducts p;
+  p.a.x0 = x, p.src_rows = s.m, p.b = ctx.upload({s.k, s.n}, b), p.m = s.m, p.n = s.n, p.out = out;
+  return [&ctx, p] { gemm_matrix(ctx, p); };
+}
+
+std::function<void()> by_pairs(Context& ctx, const ProbeSizes& s, const Tensor& x, const std::vector<float>& b,
+                               const Tensor& out) {
+  const PackedMatrix packed = pack_pairs(ctx, b.data(), s.k, s.n, s.n, 1, "B");
+  return [&ctx, x, packed, out] {
+    Gemm g;
+    g.a.x0 = x, g.b = &packed, g.out = out;
+    gemm(ctx, g);
+  };
+}
+
 // Sums of integers must be exact; other sums must be within K roundings, which units may make coarser than a float's.
 // Two runs must give the same bits.
 std::string wrong_with(Context& ctx, const ProbeSizes& s, bool whole) {
-  const auto a = probe_numbers(s.m * s.k, 1, whole), b = probe_numbers(s.k * s.n, 2, whole);
-  MatrixProducts p;
-  p.a.x0 = ctx.upload({s.m, s.k}, a), p.src_rows = s.m;
-  p.b = ctx.upload({s.k, s.n}, b), p.m = s.m, p.n = s.n;
-  p.out = ctx.upload({s.m, s.n}, std::vector<float>(static_cast<std::size_t>(s.m * s.n), NAN));
-  gemm_matrix(ctx, p);
-  const auto got = ctx.read<float>(p.out);
+  auto a = probe_numbers(s.m * s.k, 1, whole);
+  const auto b = probe_numbers(s.k * s.n, 2, whole);
+  // A processor's unit rounds by an instruction of its own: numbers that it must round, some of them half way.
+  if (ctx.flavour() == Flavour::cpu && !whole)
+    for (std::size_t i = 0; i < a.size(); ++i) a[i] += std::ldexp(a[i], -8) * static_cast<float>(i % 3);
+  const Tensor x = ctx.upload({s.m, s.k}, a);
+  const Tensor out = ctx.upload({s.m, s.n}, std::vector<float>(static_cast<std::size_t>(s.m * s.n), NAN));
+  const auto multiply = ctx.flavour() == Flavour::cpu ? by_pairs(ctx, s, x, b, out) : by_fragments(ctx, s, x, b, out);
+  multiply();
+  const auto got = ctx.read<float>(out);
   for (long i = 0; i < s.m * s.n; ++i) {
     double sum = 0, sizes = 0;
     for (long k = 0; k < s.k; ++k) {
-      const double product = static_cast<double>(a[static_cast<std::size_t>(i / s.n * s.k + k)]) *
+      const double product = static_cast<double>(rounded(a[static_cast<std::size_t>(i / s.n * s.k + k)])) *
                              static_cast<double>(b[static_cast<std::size_t>(k * s.n + i % s.n)]);
       sum += product, sizes += std::abs(product);
     }
@@ -55,10 +83,12 @@ std::string wrong_with(Context& ctx, const ProbeSizes& s, bool whole) {
       return fmt::format("of {} x {} x {} row {}, column {} is {}, {} expected", s.m, s.n, s.k, i / s.n, i % s.n, is,
                          sum);
   }
-  gemm_matrix(ctx, p);
-  if (ctx.read<float>(p.out) != got) return fmt::format("{} x {} x {}: other bits the second time", s.m, s.n, s.k);
+  multiply();
+  if (ctx.read<float>(out) != got) return fmt::format("{} x {} x {}: other bits the second time", s.m, s.n, s.k);
   return "";
 }
+
+bool is_of_cpu(MatrixUnit unit) { return unit == MatrixUnit::avx512bf16; }
 
 std::string subject_of(MatrixUnit unit) { return fmt::format("matrix units 1 {}", name_of(unit)); }
 
@@ -95,7 +125,7 @@ std::string tried(const DeviceInfo& device, MatrixUnit unit) {
   try {
     ContextOptions options;
     options.device = std::to_string(device.index);
-    options.kernels = "gpu", options.matrix_unit = unit;
+    options.kernels = is_of_cpu(unit) ? "cpu" : "gpu", options.matrix_unit = unit;
     Context ctx(options);
     wrong = wrong_with_matrix_unit(ctx);
   } catch (const Error& e) {
@@ -105,6 +135,16 @@ std::string tried(const DeviceInfo& device, MatrixUnit unit) {
   if (!wrong.empty())
     warn("{}: its matrix units ({}) are not used, since their test failed: {}", device.name, name_of(unit), wrong);
   return wrong;
+}
+
+// Instructions that the processor lacks would end the process.
+void refuse_absent(const DeviceInfo& device, MatrixUnit unit) {
+  const auto& has = device.matrix_units;
+  if (unit != MatrixUnit::avx512bf16 || std::find(has.begin(), has.end(), unit) != has.end()) return;
+  const bool cpu = device.type == DeviceType::cpu;
+  fail(Status::device, "VSPLAT_MATRIX={}: {}", name_of(unit),
+       cpu ? "this processor has no avx512_bf16 instructions (vdpbf16ps)"
+           : fmt::format("{} is no CPU device, and the instructions are a processor's", device.name));
 }
 
 std::vector<MatrixUnit> units_to_try(const DeviceInfo& device) {
@@ -118,11 +158,12 @@ std::vector<MatrixUnit> units_to_try(const DeviceInfo& device) {
     for (const MatrixUnit unit : kMatrixUnits)
       if (name == name_of(unit)) {
         known = true;
+        refuse_absent(device, unit);
         if (unit != MatrixUnit::emulated) out.push_back(unit);
       }
     if (!known)
-      fail(Status::usage, "VSPLAT_MATRIX={}: \"{}\" is none of emulated, ptx, dpas, wmma and mfma", printable(named),
-           printable(name));
+      fail(Status::usage, "VSPLAT_MATRIX={}: \"{}\" is none of emulated, ptx, dpas, wmma, mfma and avx512bf16",
+           printable(named), printable(name));
     from = end + 1;
   }
   return out;
@@ -146,13 +187,20 @@ std::string wrong_with_matrix_unit(Context& ctx) {
   return "";
 }
 
-MatrixUnit choose_matrix_unit(const DeviceInfo& device) {
+MatrixUnit choose_matrix_unit(const DeviceInfo& device, const std::string& kernels, const SwitchedOff& off) {
   for (const MatrixUnit unit : units_to_try(device)) {
+    if (kernels == (is_of_cpu(unit) ? "gpu" : "cpu") || (is_of_cpu(unit) && (off.cpu || off.vectors))) continue;
     std::optional<std::string> wrong = remembered(device, unit);
     if (!wrong) wrong = tried(device, unit);
     if (wrong->empty()) return unit;
     verbose("{}: matrix units ({}) not used: {}", device.name, name_of(unit), *wrong);
   }
+  if (kernels == "cpu" && environment("VSPLAT_MATRIX").empty())
+    fail(Status::usage,
+         "mixed precision and the cpu kernels were asked for, and these multiply in mixed precision by a processor's "
+         "avx512_bf16 instructions, which {} does not have or which have not passed their test there: ask for the gpu "
+         "kernels, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
+         device.name, Option::kernels);
   return MatrixUnit::emulated;
 }
 

@@ -30,9 +30,7 @@ class Precision(support.Case):
         self.assertEqual(self.reconstructed("explicit.ply", "--precision", "fp32", "--kernels", "gpu", "--gemm", "own")[0], exact)
 
     def test_what_multiplies_in_fp32_is_refused(self):
-        for more, words in ((["--kernels", "cpu"], "only the gpu kernels multiply in mixed precision"),
-                            (["--gemm", "clblast"], "CLBlast multiplies in fp32")):
-            self.refuses(2, [words], *self.reconstruct("--precision", "mixed", *more))
+        self.refuses(2, ["CLBlast multiplies in fp32"], *self.reconstruct("--precision", "mixed", "--gemm", "clblast"))
         self.refuses(2, ["--precision"], *self.reconstruct("--precision", "fp16"))
         self.refuses(2, ["--precision"], "render", self.path("no.ply"), "--precision", "mixed")
         with open(self.path("train.json"), "w") as config:
@@ -40,6 +38,28 @@ class Precision(support.Case):
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 8, "--size", self.SIDE, "--seed", 4)
         self.refuses(2, ["training computes in fp32", "--precision"], "train", self.path("train.json"), "--data", self.path("set"),
                      "--output", self.path("run"), "--precision", "mixed")
+
+    def test_cpu_kernels_need_the_processors_instructions(self):
+        without = {"VSPLAT_LIMITS": "matrix=0"}
+        self.refuses(2, ["avx512_bf16", "ask for the gpu kernels"], *self.reconstruct("--precision", "mixed", "--kernels", "cpu"), env=without)
+        named = {**without, "VSPLAT_MATRIX": "avx512bf16"}
+        self.refuses(1, ["VSPLAT_MATRIX=avx512bf16", "avx512_bf16 instructions"], *self.reconstruct("--precision", "mixed"), env=named)
+        scene, told, err = self.reconstructed("emulated.ply", "--precision", "mixed", "--kernels", "cpu")
+        self.assertEqual(told["matrix_unit"], "emulated")
+        self.assertIn("cpu kernels, mixed precision (emulated)", err)
+        self.assertEqual(self.reconstructed("once_more.ply", "--precision", "mixed", "--kernels", "cpu")[0], scene)
+
+    def test_the_processors_instructions_are_used_when_they_are_there(self):
+        env = {"VSPLAT_MATRIX_LEAST": "1", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
+        scene, told, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
+        if told["matrix_unit"] != "avx512bf16":
+            self.skipTest("a device without them")
+        self.assertIn("cpu kernels, mixed precision (avx512bf16)", err)
+        self.assertNotIn("slower than fp32", err)
+        for name in ("two.ply", "three.ply"):
+            self.assertEqual(self.reconstructed(name, "--precision", "mixed", env=env)[0], scene)
+        exact = self.reconstructed("fp32.ply", "--kernels", "cpu", env=env)[0]
+        self.assertNotEqual(exact, scene)
 
     def test_units_that_do_not_work_are_left_out_and_remembered(self):
         """Units requested by name on a device that lacks them: their test fails, is reported once, and the emulated ones are used."""

@@ -15,12 +15,15 @@ DeviceInfo large() {
   d.name = "large";
   d.memory = 1ull << 40, d.max_alloc = 1ull << 38, d.local_memory = 64 << 10, d.max_work_group = 1024;
   d.fp16 = d.fp64 = d.subgroups = true;
+  d.matrix_units = {MatrixUnit::ptx};
   return d;
 }
 
 TEST(DeviceLimits, LowerWhatIsClaimed) {
   DeviceInfo d = large();
-  lower(d, "group=128,local=16K,buffer=128M,memory=2G,align=4096,size=32,fp64=0,fp16=0,subgroups=0,flops=1.5e8,grid=7");
+  lower(d,
+        "group=128,local=16K,buffer=128M,memory=2G,align=4096,size=32,fp64=0,fp16=0,subgroups=0,matrix=0,flops=1.5e8,"
+        "grid=7");
   EXPECT_EQ(d.max_work_group, 128u);
   EXPECT_EQ(d.local_memory, 16384u);
   EXPECT_EQ(d.max_alloc, 128u << 20);
@@ -28,6 +31,7 @@ TEST(DeviceLimits, LowerWhatIsClaimed) {
   EXPECT_EQ(d.align, 512);
   EXPECT_EQ(d.address_bits, 32);
   EXPECT_FALSE(d.fp64 || d.fp16 || d.subgroups);
+  EXPECT_TRUE(d.matrix_units.empty());
   EXPECT_EQ(d.most_flops, 1.5e8);
   EXPECT_EQ(d.most_groups, 7u);
   EXPECT_EQ(d.lowered.substr(0, 9), "group=128");

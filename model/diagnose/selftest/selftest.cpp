@@ -65,6 +65,11 @@ class Runner {
     out.device = device_;
     out.kernels = name_of(flavour);
     out.off = off;
+    // The processor's instructions for pairs, if it has them; matrix units of GPUs have a trial of their own
+    // (runtime/tuning/matrix_probe.h).
+    const std::vector<MatrixUnit> units = choose_device(device_).matrix_units;
+    if (flavour == Flavour::cpu && !off.mixed && std::count(units.begin(), units.end(), MatrixUnit::avx512bf16) > 0)
+      out.matrix_unit = MatrixUnit::avx512bf16;
     out.on_compile = [this](const std::string& kernel, int compiled) {
       journal_.compiles(kernel);
       if (options_.on_compile) options_.on_compile(kernel, compiled);
@@ -141,7 +146,7 @@ std::vector<bool SwitchedOff::*> choices_of(const Context& ctx) {
   if (ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4) out.push_back(&SwitchedOff::vectors);
   if (ctx.device().type == DeviceType::gpu) out.push_back(&SwitchedOff::clblast);
   if (ctx.device().sub_group > 0) out.push_back(&SwitchedOff::sub_groups);
-  if (ctx.flavour() == Flavour::gpu) out.push_back(&SwitchedOff::mixed);
+  out.push_back(&SwitchedOff::mixed);
   return out;
 }
 

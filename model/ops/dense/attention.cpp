@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "runtime/fail.h"
+#include "runtime/gemm_pairs.h"
 #include "runtime/rounding.h"
 #include "runtime/shape_check.h"
 
@@ -112,9 +113,12 @@ void attention_forward(Context& ctx, const AttentionForward& a) {
   }
   const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_forward));
   const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), rows = Sizes::rows(ctx, tuned);
-  const std::string defines = s.defines(ctx, tuned);
-  const Tensor kt = ctx.tensor({s.v * s.h, panels, s.c, 32}, Type::f32, "attention.keys");
-  const Tensor vp = ctx.tensor({s.v * s.h, panels * 32, pad}, Type::f32, "attention.values");
+  const bool pairs = wants_pairs(ctx, s.c, s.t);
+  const std::string defines = s.defines(ctx, tuned) + (pairs ? " " + pair_defines(ctx) : "");
+  const long share = pairs ? 2 : 1;  // numbers of a word
+  const Type type = pairs ? Type::u32 : Type::f32;
+  const Tensor kt = ctx.tensor({s.v * s.h, panels, div_up(s.c, share), 32}, type, "attention.keys");
+  const Tensor vp = ctx.tensor({s.v * s.h, panels * 32 / share, pad}, type, "attention.values");
   ctx.launch({"attention_forward_cpu", "attention_forward_pack", defines}, groups(panels, 1, s.v * s.h),
              {0, 4.0 / 3.0 * io}, a.qkv, written(kt), written(vp), v, t, h, c);
   ctx.launch({"attention_forward_cpu", "attention_forward_cpu", defines}, groups(div_up(s.t, rows), 1, s.v * s.h), cost,

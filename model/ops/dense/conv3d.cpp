@@ -1,12 +1,15 @@
 #include "model/ops/dense/conv3d.h"
 
 #include <algorithm>
+#include <bit>
 
 #include "model/ops/dense/gather.h"
+#include "runtime/bfloat16.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
 #include "runtime/gemm_matrix.h"
+#include "runtime/gemm_pairs.h"
 #include "runtime/rounding.h"
 #include "runtime/shape_check.h"
 
@@ -27,7 +30,7 @@ struct TapChannel {
 // w [Cout][Cin][taps], rearranged to the order of k that `order` gives.
 template <class Order>
 ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, long cin, long taps, const Order& order,
-                 const std::string& what) {
+                 const std::string& what, bool exact = false) {
   const long k = taps * cin;
   std::vector<float> rows;
   if (!ctx.planning()) {
@@ -40,7 +43,7 @@ ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, lon
   }
   ConvWeights out;
   out.cin = cin, out.cout = cout;
-  out.w = pack_matrix(ctx, rows.data(), k, cout, 1, k, what);
+  out.w = pack_matrix(ctx, rows.data(), k, cout, 1, k, what, exact);
   if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
   return out;
 }
@@ -48,8 +51,10 @@ ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, lon
 // The shape of u in cl/dense/conv3d_winograd.cl or cl/dense/conv3d_winograd_gpu.cl.
 Shape winograd_shape(const Context& ctx, long cout, long cin) {
   if (ctx.flavour() == Flavour::gpu) return {kCoefficients, 3, cin, cout};
-  return {div_up(cout, kTileCols), kCoefficients, cin, 3, kTileCols};
+  return {div_up(cout, kTileCols), kCoefficients, wants_pairs(ctx, cin, cout) ? div_up(cin, 2L) : cin, 3, kTileCols};
 }
+
+std::string winograd_defines(const Context& ctx, bool pairs) { return pairs ? pair_defines(ctx) : ""; }
 
 // G g G^T over x and y for all of w [Cout][Cin][3][3][3], as the cpu kernels read it.
 ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long cout, long cin,
@@ -59,15 +64,18 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
   constexpr double g[6][3] = {{1 / (pp * qq), 0, 0},       {at_p, at_p * p, at_p * pp},  {at_p, -at_p * p, at_p * pp},
                               {at_q, at_q * q, at_q * qq}, {at_q, -at_q * q, at_q * qq}, {0, 0, 1}};
   ConvWeights out;
+  const bool pairs = wants_pairs(ctx, cin, cout);
   out.cin = cin, out.cout = cout, out.winograd = true;
-  out.w.k = kCoefficients * 3 * cin, out.w.n = cout;
-  out.w.data = ctx.tensor(winograd_shape(ctx, cout, cin), Type::f32, what);
+  out.w.k = kCoefficients * 3 * cin, out.w.n = cout, out.w.pairs = pairs;
+  out.w.data = ctx.tensor(winograd_shape(ctx, cout, cin), pairs ? Type::u32 : Type::f32, what);
   if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
   if (ctx.planning()) return out;
-  std::vector<float> u(static_cast<std::size_t>(out.w.data.count()), 0.0f);
-  for (long c = 0; c < cin; ++c)  // output channels lie side by side in u
+  // Words: floats, or pairs of operands, the second ones in the upper halves.
+  std::vector<std::uint32_t> u(static_cast<std::size_t>(out.w.data.count()), 0u);
+  const long share = pairs ? 2 : 1;  // channels of a word
+  for (long c = 0; c < cin; ++c)     // output channels lie side by side in u
     for (long n = 0; n < cout; ++n) {
-      const long c0 = c / 16 * 16, width = std::min(16L, cin - c0);  // of its block of channels
+      const long c0 = c / 16 * 16 / share, width = div_up(std::min(16L, cin - c / 16 * 16), share);  // of its block
       for (long dz = 0; dz < 3; ++dz) {
         const float* from = w + (n * cin + c) * 27 + dz;
         double half_way[6][3];
@@ -78,9 +86,11 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
           for (int j = 0; j < 6; ++j) {
             const double value = g[j][0] * half_way[i][0] + g[j][1] * half_way[i][1] + g[j][2] * half_way[i][2];
             const long k = i * 6 + j;
-            const long at = ((n / kTileCols * kCoefficients + k) * cin * 3 + c0 * 3 + dz * width + c - c0) * kTileCols +
-                            n % kTileCols;
-            u[static_cast<std::size_t>(at)] = static_cast<float>(value);
+            const long row = (n / kTileCols * kCoefficients + k) * div_up(cin, share) * 3 + c0 * 3;
+            const long at = (row + dz * width + c / share - c0) * kTileCols + n % kTileCols;
+            const auto rounded = static_cast<float>(value);
+            u[static_cast<std::size_t>(at)] |= pairs ? static_cast<std::uint32_t>(to_bfloat16(rounded)) << 16 * (c % 2)
+                                                     : std::bit_cast<std::uint32_t>(rounded);
           }
       }
     }
@@ -107,16 +117,18 @@ ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const s
   ConvWeights out;
   out.cin = c, out.cout = n, out.winograd = choose(ctx, method, n, c) == ConvMethod::winograd;
   out.w.k = (out.winograd ? 3 * kCoefficients : 27) * c, out.w.n = n;
+  out.w.pairs = out.winograd && wants_pairs(ctx, c, n);
   out.w.data = ctx.tensor(out.winograd ? winograd_shape(ctx, n, c)
                           : cpu        ? Shape{panels, out.w.k, kTileCols}
                                        : Shape{out.w.k, n},
-                          Type::f32, what);
+                          out.w.pairs ? Type::u32 : Type::f32, what);
   const Cost cost{0, static_cast<double>(w.bytes()) + static_cast<double>(out.w.data.bytes())};
   if (out.winograd && !cpu)
     ctx.launch({"conv3d_winograd_gpu", "winograd_pack_weights_gpu", ""}, items(3 * c * n), cost, w, mirrored ? 1 : 0, c,
                n, written(out.w.data));
   else if (out.winograd)
-    ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, 1, c), cost, w, mirrored ? 1 : 0, c, n,
+    ctx.launch({"conv3d_winograd", "winograd_pack_weights", winograd_defines(ctx, out.w.pairs)},
+               groups(panels, 1, out.w.pairs ? div_up(c, 2L) : c), cost, w, mirrored ? 1 : 0, c, n,
                written(out.w.data));
   else
     ctx.launch({cpu ? "conv3d_cpu" : "conv3d_gpu", "conv3d_pack_weights", cpu ? tile_defines(ctx.device()) : ""},
@@ -203,22 +215,27 @@ double direct_flops(const Shape3d& s) {
 
 void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
-  const long blocks = div_up(s.c(), 16L), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
+  const bool pairs = c.weights->w.pairs;
+  const std::string defines = winograd_defines(ctx, pairs);
+  const long blocks = div_up(s.c(), 16L), words = pairs ? 8 : 16;  // of 16 channels
+  const long per_tile = zt * kCoefficients * blocks * kPackRows * words;
   const long scratch = ctx.tuned(tuned_shape(TunedOp::conv3d_winograd, s)).at("scratch");
   const long step = std::clamp(scratch / std::max(1L, per_tile), 1L, tiles);
-  const Tensor v = ctx.tensor({step, zt, kCoefficients, blocks, kPackRows, 16}, Type::f32, "transformed tiles");
+  const Tensor v = ctx.tensor({step, zt, kCoefficients, blocks, kPackRows, words}, pairs ? Type::u32 : Type::f32,
+                              "transformed tiles");
   const Cost whole = cost_of(c, s, s.x);
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
     const double share = static_cast<double>(count) / static_cast<double>(tiles);
-    ctx.launch({"conv3d_winograd", "winograd_forward_pack", ""}, groups(zt, 1, count),
+    ctx.launch({"conv3d_winograd", "winograd_forward_pack", defines}, groups(zt, 1, count),
                {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift,
                c.in.silu ? 1 : 0, s.x, s.y, s.z, t,
                s.c() % 16 == 0 ? written(v, count * per_tile) : written_somewhere(v));
     // As many tiles a work-item as leave several work-items for each core.
     const long panels = div_up(s.n, kTileCols), cores = ctx.device().compute_units;
     const long each = std::clamp(zt * count * panels / (4 * cores), 1L, kMostTiles);
-    ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(div_up(zt * count, each), 1, panels),
+    ctx.launch({"conv3d_winograd", "winograd_forward_tile", defines, c.name},
+               groups(div_up(zt * count, each), 1, panels),
                {direct_flops(s) * share, whole.bytes * share, multiplied(count, s)}, v, c.weights->w.data, s.c(), s.n,
                s.x, s.y, s.z, t, zt * count, each, c.weights->bias, c.residual,
                t + count == tiles ? written(c.out) : written_somewhere(c.out));
@@ -353,7 +370,7 @@ ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long co
   if (choose(ctx, method, cout, cin) == ConvMethod::winograd) return pack_winograd(ctx, w, bias, cout, cin, what);
   // (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache.
   const auto order = [&](long k) { return TapChannel{k / (3 * cin) * 3 + k % 3, k / 3 % cin}; };
-  return pack(ctx, w, bias, cout, cin, 27, order, what);
+  return pack(ctx, w, bias, cout, cin, 27, order, what, true);
 }
 
 ConvWeights pack_conv3d(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what, ConvMethod method) {

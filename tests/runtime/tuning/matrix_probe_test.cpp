@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -25,9 +26,29 @@ ContextOptions with_unit(MatrixUnit unit) {
   return options;
 }
 
+bool has(MatrixUnit unit) {
+  const auto units = test::context(Flavour::cpu).device().matrix_units;
+  return std::find(units.begin(), units.end(), unit) != units.end();
+}
+
 TEST(MatrixProbe, EmulatedUnitsPass) {
-  const auto ctx = test::open_context(Flavour::gpu, with_unit(MatrixUnit::emulated));
-  EXPECT_EQ(wrong_with_matrix_unit(*ctx), "");
+  for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
+    const auto ctx = test::open_context(flavour, with_unit(MatrixUnit::emulated));
+    if (flavour == Flavour::cpu && ctx->device().native_float_width < 4) continue;
+    EXPECT_EQ(wrong_with_matrix_unit(*ctx), "") << name_of(flavour);
+  }
+}
+
+// The kernels with one text replaced, in a folder.
+bool plant(const fs::path& folder, const std::string& file, const std::string& right, const std::string& wrong) {
+  bool made = false;
+  for (const std::string& name : kernel_file_names()) {
+    std::string text = kernel_text(name);
+    if (const std::size_t at = text.find(right); name == file && at != std::string::npos)
+      text.replace(at, right.size(), wrong), made = true;
+    std::ofstream(folder / name) << text;
+  }
+  return made;
 }
 
 // Each is a mistake that a back end may make: a swapped row, a swapped term, coarse sums, a wrong operand.
@@ -41,28 +62,74 @@ TEST(MatrixProbe, FindsWrongUnits) {
       {"gemm_matrix.clh", "there > 1 ? from[N]", "there > 1 ? from[0]"}};
   for (const auto& mistake : mistakes) {
     const test::TemporaryFolder folder;
-    bool made = false;
-    for (const std::string& name : kernel_file_names()) {
-      std::string text = kernel_text(name);
-      if (name == mistake.file)
-        for (std::size_t at = 0; (at = text.find(mistake.right, at)) != std::string::npos; at += 1) {
-          text.replace(at, std::string(mistake.right).size(), mistake.wrong);
-          made = true;
-          break;
-        }
-      std::ofstream(folder / name) << text;
-    }
-    ASSERT_TRUE(made) << mistake.right;
+    ASSERT_TRUE(plant(folder.path(), mistake.file, mistake.right, mistake.wrong)) << mistake.right;
     const test::Variable kernels("VSPLAT_KERNEL_DIR", folder.string().c_str());
     const auto ctx = test::open_context(Flavour::gpu, with_unit(MatrixUnit::emulated));
     EXPECT_NE(wrong_with_matrix_unit(*ctx), "") << mistake.wrong;
   }
 }
 
+// The same of pairs: halves that are mixed up, a term that is left out, a wrong operand, coarse sums.
+TEST(MatrixProbe, FindsWrongPairs) {
+  if (test::context(Flavour::cpu).device().native_float_width < 4) GTEST_SKIP() << "no vectors";
+  const struct {
+    const char *file, *right, *wrong;
+  } mistakes[] = {{"pairs_cpu.clh", "as_float16(b << 16)", "as_float16(b & 0xffff0000u)"},
+                  {"pairs_cpu.clh", "(bits >> 16 & 1u);\n  const int16", "0x8000u;\n  const int16"},
+                  {"gemm_cpu.cl", "TILE_RUN(pa, pb, K)", "TILE_RUN(pa, pb, K - 1)"},
+                  {"term_tile_cpu.clh", "pair_dot(a_, tile_hi_", "pair_dot(a_, tile_lo_"}};
+  for (const auto& mistake : mistakes) {
+    const test::TemporaryFolder folder;
+    ASSERT_TRUE(plant(folder.path(), mistake.file, mistake.right, mistake.wrong)) << mistake.right;
+    const test::Variable kernels("VSPLAT_KERNEL_DIR", folder.string().c_str());
+    const auto ctx = test::open_context(Flavour::cpu, with_unit(MatrixUnit::emulated));
+    EXPECT_NE(wrong_with_matrix_unit(*ctx), "") << mistake.wrong;
+  }
+}
+
+// A wrong instruction planted on purpose: the processor's unit is not used.
+TEST(MatrixProbe, LeavesOutAWrongInstruction) {
+  if (!has(MatrixUnit::avx512bf16)) GTEST_SKIP() << "no such instructions";
+  const DeviceInfo device = test::context(Flavour::cpu).device();
+  const test::TemporaryFolder cache, folder;
+  const test::Variable kept("VSPLAT_CACHE_DIR", cache.string().c_str()), judged("VSPLAT_SELFTEST", "");
+  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::avx512bf16);
+  EXPECT_EQ(choose_matrix_unit(device, "cpu", {}), MatrixUnit::avx512bf16);
+  EXPECT_EQ(choose_matrix_unit(device, "gpu", {}), MatrixUnit::emulated);
+  ASSERT_TRUE(plant(folder.path(), "pairs_cpu.clh", "vdpbf16ps %2, %1, %0", "vdpbf16ps %1, %1, %0"));
+  const test::Variable kernels("VSPLAT_KERNEL_DIR", folder.string().c_str());
+  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::emulated);
+  EXPECT_THROW(choose_matrix_unit(device, "cpu", {}), Error);
+  ContextOptions options;
+  options.precision = Precision::mixed;
+  const Context ctx(options);
+  EXPECT_EQ(ctx.matrix_unit(), MatrixUnit::emulated);
+  EXPECT_EQ(ctx.flavour(), Flavour::gpu);
+}
+
+// On a processor without the instructions nothing changes, and their name is an error that says what is missing.
+TEST(MatrixProbe, RefusesInstructionsThatTheProcessorLacks) {
+  const test::Variable lowered("VSPLAT_LIMITS", "matrix=0");
+  const DeviceInfo device = choose_device("");
+  EXPECT_TRUE(device.matrix_units.empty());
+  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::emulated);
+  EXPECT_THROW(choose_matrix_unit(device, "cpu", {}), Error);
+  const test::Variable units("VSPLAT_MATRIX", "avx512bf16");
+  try {
+    choose_matrix_unit(device, "auto", {});
+    FAIL() << "no error";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::device);
+    EXPECT_NE(std::string(e.what()).find(device.type == DeviceType::cpu ? "avx512_bf16" : "no CPU device"),
+              std::string::npos)
+        << e.what();
+  }
+}
+
 // Units that this device lacks: their kernel does not compile, which a file in the cache records.
 TEST(MatrixProbe, LeavesOutWhatDoesNotCompileAndRemembersIt) {
   const DeviceInfo device = test::context(Flavour::gpu).device();
-  if (!device.matrix_units.empty()) GTEST_SKIP() << "a device that may have them";
+  if (device.type != DeviceType::cpu) GTEST_SKIP() << "a device that may have them";
   const test::TemporaryFolder cache;
   const test::Variable folder("VSPLAT_CACHE_DIR", cache.string().c_str()), units("VSPLAT_MATRIX", "wmma,emulated"),
       judged("VSPLAT_SELFTEST", "");
@@ -72,9 +139,9 @@ TEST(MatrixProbe, LeavesOutWhatDoesNotCompileAndRemembersIt) {
       files += entry.path().parent_path().filename() == "findings";
     return files;
   };
-  EXPECT_EQ(choose_matrix_unit(device), MatrixUnit::emulated);
+  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::emulated);
   EXPECT_EQ(kept(), 1u);
-  EXPECT_EQ(choose_matrix_unit(device), MatrixUnit::emulated);
+  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::emulated);
   ContextOptions options;
   options.precision = Precision::mixed;
   EXPECT_EQ(Context(options).matrix_unit(), MatrixUnit::emulated);
@@ -83,7 +150,7 @@ TEST(MatrixProbe, LeavesOutWhatDoesNotCompileAndRemembersIt) {
 
 TEST(MatrixProbe, RefusesUnknownNames) {
   const test::Variable units("VSPLAT_MATRIX", "ptx,tensor");
-  EXPECT_THROW(choose_matrix_unit(test::context(Flavour::gpu).device()), Error);
+  EXPECT_THROW(choose_matrix_unit(test::context(Flavour::gpu).device(), "auto", {}), Error);
 }
 
 }  // namespace

@@ -37,8 +37,8 @@ typedef enum vsplat_gemm {
 typedef enum vsplat_precision {
   VSPLAT_PRECISION_FP32 = 0, /* fp32 throughout */
   VSPLAT_PRECISION_MIXED = 1 /* operands rounded to bf16, sums in fp32; computed by the device's matrix units if these
-                                have passed a test on it, else emulated, which is slower than fp32; only with the gpu
-                                kernels */
+                                have passed a test on it, else emulated, which is slower than fp32; with the gpu
+                                kernels, or the cpu kernels on a processor with avx512_bf16 */
 } vsplat_precision;
 
 typedef struct vsplat_device_info {
@@ -69,8 +69,8 @@ typedef struct vsplat_device_info {
   char switched_off[256];
   int32_t fitness;            /* stored verdict of its last self-test, a vsplat_fitness (vsplat/selftest.h); 0: none */
   vsplat_precision precision; /* of an open device */
-  /* Open device in mixed precision, what multiplies: "ptx", "dpas", "wmma", "mfma", "emulated". On one device, equal
-     values give equal bits. "" in fp32. */
+  /* Open device in mixed precision, what multiplies: "ptx", "dpas", "wmma", "mfma", "avx512bf16", "emulated". On one
+     device, equal values give equal bits. "" in fp32. */
   char matrix_unit[16];
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \
@@ -97,7 +97,8 @@ typedef struct vsplat_device_options {
      NULL. */
   void (*on_compile)(void* user, const char* kernel, int32_t compiled);
   void* user;
-  /* MIXED together with the cpu kernels or CLBlast, requested by name, is VSPLAT_ERROR_USAGE. The first use on a device
+  /* MIXED together with CLBlast is VSPLAT_ERROR_USAGE; so is MIXED with the cpu kernels, requested by name, on a
+     device without instructions for it. The first use on a device
      tests its matrix units, which takes some seconds. */
   vsplat_precision precision;
 } vsplat_device_options;

@@ -1,6 +1,9 @@
 #include "model/diagnose/selftest/reference/attention.h"
 
+#include <array>
+
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/pairs.h"
 #include "model/ops/dense/attention.h"
 
 namespace vsplat::selftest {
@@ -38,8 +41,24 @@ void attention_all(Checks& c) {
   attention_of(c, 2, 45, 2, 64, 3.0f);
 }
 
+// Pairs of rounded operands in the cpu flavour. A score is off by 2^-8 of its terms' magnitudes, and a weight by as
+// much as a score.
+void attention_pairs_all(Checks& c) {
+  if (!multiplies_pairs(c)) return;
+  const AlwaysPairs always;
+  for (const auto& [t, d] :
+       c.some({std::array<long, 2>{1, 8}, {3, 7}, {12, 1}, {13, 17}, {31, 16}, {33, 31}, {129, 64}, {145, 70}},
+              {{11, 2}, {32, 32}, {65, 33}, {128, 6}, {157, 8}})) {
+    const auto qkv = random_floats(static_cast<std::size_t>(2 * t * 3 * 3 * d), 7, -1.5f, 1.5f);
+    const AttentionForward f{c.up({2, t, 3, 3, d}, qkv), c.gap({2, t, 3 * d}), c.gap({2, 3, t, 2})};
+    attention_forward(c.ctx, f);
+    c.close(
+        "pairs, forward", f.out, [&, t = t, d = d] { return ref::attention(qkv, 2, t, 3, d); }, 2e-2);
+  }
+}
+
 }  // namespace
 
-VSPLAT_CASES(attention, {"attention", attention_all})
+VSPLAT_CASES(attention, {"attention", attention_all}, {"attention_pairs", attention_pairs_all})
 
 }  // namespace vsplat::selftest

@@ -1,12 +1,16 @@
 #include <array>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/pairs.h"
 #include "model/diagnose/selftest/inputs/random_convolutions.h"
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "runtime/tuning/tuning.h"
 
 namespace vsplat::selftest {
 namespace {
+
+// Operands have 8 bits, and the transforms add up as many as 36 inputs.
+constexpr double kPairsTolerance = 2e-2;
 
 const float* or_null(const std::vector<float>& v) { return v.empty() ? nullptr : v.data(); }
 
@@ -98,6 +102,55 @@ void conv3d_winograd_all(Checks& c) {
   if (!c.ctx.switched_off().winograd) conv3d_by(c, ConvMethod::winograd);
 }
 
+// Pairs of rounded operands in the cpu flavour, packed on the host and on the device, of either order of channels.
+void conv3d_pairs_of(Checks& c, const ConvTry& t) {
+  const AlwaysPairs always;
+  const ref::ConvCase want = make_conv_case(t);
+  const long cin = t.cin + t.c1, rows = want.in.rows;
+  const Tensor w = c.up({t.cout, cin, 3, 3, 3}, want.w);
+  for (const bool on_host : {true, false}) {
+    const ConvWeights weights =
+        on_host ? pack_conv3d(c.ctx, want.w.data(), or_null(want.bias), t.cout, cin, "weight", ConvMethod::winograd)
+                : pack_conv3d(c.ctx, w, t.bias ? c.up({t.cout}, want.bias) : Tensor(), "weight", ConvMethod::winograd);
+    c.keep();
+    Conv3dForward f;
+    f.in = upload_rows(c.ctx, want.in), f.x = t.size[0], f.y = t.size[1], f.z = t.size[2], f.weights = &weights;
+    if (t.residual) f.residual = c.up({rows, t.cout}, want.residual);
+    f.out = c.gap({rows, t.cout});
+    conv3d_forward(c.ctx, f);
+    c.close(
+        "pairs, forward", f.out, [&] { return want.all(); }, kPairsTolerance);
+  }
+  const auto dy = random_floats(size_of(rows, t.cout), 73);
+  Conv3dBackwardInputs b;
+  b.w = w, b.x = t.size[0], b.y = t.size[1], b.z = t.size[2], b.method = ConvMethod::winograd;
+  b.dy = c.up({rows, t.cout}, dy), b.dx = c.gap({rows, cin});
+  conv3d_backward_inputs(c.ctx, b);
+  c.close(
+      "pairs, backward, dx", b.dx, [&] { return ref::conv_backward(want, dy).dx; }, kPairsTolerance);
+}
+
+void conv3d_pairs_all(Checks& c) {
+  if (!multiplies_pairs(c) || c.ctx.switched_off().winograd) return;
+  for (const ConvTry& t :
+       c.some({ConvTry{{1, 1, 1}, 1, 1},
+               {{3, 2, 11}, 3, 5},
+               {{2, 3, 12}, 7, 31},
+               {{1, 5, 13}, 16, 32},
+               {{3, 3, 5}, 17, 33},
+               {{5, 5, 4}, 34, 65}},
+              {{{4, 1, 12}, 15, 33}, {{5, 9, 25}, 31, 6}, {{5, 9, 5}, 65, 67}, {{2, 3, 1100}, 2, 1}}))
+    conv3d_pairs_of(c, t);
+  for (const long c1 : {5L, 16L}) {
+    ConvTry all{{4, 3, 13}, 16, 20, c1};
+    all.affine = all.silu = all.residual = true;
+    conv3d_pairs_of(c, all);
+  }
+  ConvTry odd{{4, 3, 13}, 13, 20, 6};
+  odd.silu = true;
+  conv3d_pairs_of(c, odd);
+}
+
 void conv3d_down_of(Checks& c, const std::array<long, 3>& size, long cin, long cout) {
   ConvTry t{size, cin, cout};
   t.affine = t.silu = cin > 1;
@@ -134,6 +187,7 @@ void conv3d_down_all(Checks& c) {
 
 }  // namespace
 
-VSPLAT_CASES(conv3d, {"conv3d", conv3d_all}, {"conv3d_winograd", conv3d_winograd_all}, {"conv3d_down", conv3d_down_all})
+VSPLAT_CASES(conv3d, {"conv3d", conv3d_all}, {"conv3d_winograd", conv3d_winograd_all},
+             {"conv3d_pairs", conv3d_pairs_all}, {"conv3d_down", conv3d_down_all})
 
 }  // namespace vsplat::selftest

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/pairs.h"
 #include "model/diagnose/selftest/inputs/products.h"
 #include "model/diagnose/selftest/inputs/random_convolutions.h"
 #include "runtime/gemm.h"
@@ -15,7 +16,7 @@
 namespace vsplat::selftest {
 namespace {
 
-void check_gemm(Checks& c, const ProductTry& t) {
+void check_gemm(Checks& c, const ProductTry& t, double tolerance = 1e-5) {
   const ref::GemmCase want = gemm_case(t);
   Gemm g;
   const PackedMatrix b = pack_matrix(c.ctx, want.w.data(), want.k, t.n, 1, want.k, "weight");
@@ -27,7 +28,7 @@ void check_gemm(Checks& c, const ProductTry& t) {
   g.out = c.gap({t.m, t.n});
   gemm(c.ctx, g);
   c.close(
-      "product", g.out, [&] { return want.all(); }, 1e-5);
+      "product", g.out, [&] { return want.all(); }, tolerance);
 }
 
 // Long sums in parts, which a table of tuned parameters alone asks for.
@@ -136,6 +137,58 @@ void gemm_matrix_all(Checks& c) {
       "product of rounded operands", p.out, [&] { return want.all(); }, 8e-3);
 }
 
+// Products of pairs of rounded operands in the cpu flavour, by the processor's instructions if it has them.
+void gemm_pairs_all(Checks& c) {
+  if (!multiplies_pairs(c)) return;
+  const AlwaysPairs always;
+  const auto integers = [](long count, std::uint32_t seed) {
+    auto out = random_floats(size_of(count, 1), seed, -15, 15);
+    for (float& v : out) v = std::trunc(v);
+    return out;
+  };
+  for (const auto& [m, n, k] :
+       c.some({std::array<long, 3>{1, 1, 1},
+               {3, 7, 5},
+               {11, 31, 13},
+               {12, 32, 16},
+               {13, 33, 17},
+               {101, 65, 31},
+               {25, 64, 1030}},
+              {{5, 3, 0}, {7, 1, 2}, {1, 3, 512}, {12, 7, 511}, {13, 97, 513}, {97, 23, 1024}, {109, 129, 37}})) {
+    const auto a = integers(m * k, 1), b = integers(k * n, 2);
+    std::vector<float> want(size_of(m, n), 0.0f);
+    for (std::size_t i = 0; i < want.size(); ++i)
+      for (std::size_t t = 0; t < size_of(k, 1); ++t)
+        want[i] += a[i / size_of(n, 1) * size_of(k, 1) + t] * b[t * size_of(n, 1) + i % size_of(n, 1)];
+    for (const bool on_host : {true, false}) {
+      if (!on_host && k == 0) continue;
+      const PackedMatrix packed = on_host ? pack_matrix(c.ctx, b.data(), k, n, n, 1, "B")
+                                          : pack_matrix(c.ctx, c.up({k, n}, b), k, n, n, 1, "B");
+      c.keep();
+      Gemm g;
+      g.a.x0 = c.up({m, k}, a), g.b = &packed, g.out = c.gap({m, n});
+      gemm(c.ctx, g);
+      c.equal("pairs of integers", g.out, want);
+    }
+    // A^T of the same numbers: [k, m]^T [k, n], with and without what is there.
+    const auto at = integers(k * m, 3), before = integers(m * n, 4);
+    for (const bool add : {false, true}) {
+      const TransposedGemm g{c.up({k, m}, at), c.up({k, n}, b), add ? c.up({m, n}, before) : c.gap({m, n}), add};
+      transposed_gemm(c.ctx, g);
+      std::vector<float> sums = add ? before : std::vector<float>(size_of(m, n), 0.0f);
+      for (std::size_t i = 0; i < sums.size(); ++i)
+        for (std::size_t t = 0; t < size_of(k, 1); ++t)
+          sums[i] += at[t * size_of(m, 1) + i / size_of(n, 1)] * b[t * size_of(n, 1) + i % size_of(n, 1)];
+      c.equal("pairs of integers, transposed", g.out, sums);
+    }
+  }
+  // Composed rows, with pairs inside a source and across two, each within the error of rounded operands.
+  for (const long c1 : {0L, 6L, 7L})
+    for (const long c0 : {20L, 27L})
+      for (const bool gathered : {false, true})
+        for (const int act : {0, 2}) check_gemm(c, {41, 43, c0 + c1, c1, act > 0, gathered, act, true, act > 0}, 8e-3);
+}
+
 void transposed_gemm_all(Checks& c) {
   const long wide = 128L * 2 * c.ctx.device().compute_units + 1;
   for (const auto& [rows, m, n] : c.some({std::array<long, 3>{1, 1, 1},
@@ -164,6 +217,7 @@ void transposed_gemm_all(Checks& c) {
 
 }  // namespace
 
-VSPLAT_CASES(gemm, {"gemm", gemm_all}, {"gemm_matrix", gemm_matrix_all}, {"transposed_gemm", transposed_gemm_all})
+VSPLAT_CASES(gemm, {"gemm", gemm_all}, {"gemm_matrix", gemm_matrix_all}, {"gemm_pairs", gemm_pairs_all},
+             {"transposed_gemm", transposed_gemm_all})
 
 }  // namespace vsplat::selftest
