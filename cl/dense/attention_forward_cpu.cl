@@ -22,19 +22,13 @@
 // work-items       groups of one; attention_forward_pack: (panel, v H + h); then (ROWS queries, v H + h)
 // ```
 #include "attention_tile_cpu.clh"
+#include "vector16.clh"
 
 static inline float max_of(float16 v) {
   const float8 a = max(v.lo, v.hi);
   const float4 b = max(a.lo, a.hi);
   const float2 c = max(b.lo, b.hi);
   return max(c.x, c.y);
-}
-
-static inline float sum_of(float16 v) {
-  const float8 a = v.lo + v.hi;
-  const float4 b = a.lo + a.hi;
-  const float2 c = b.lo + b.hi;
-  return c.x + c.y;
 }
 
 kernel void attention_forward_pack(global const float* qkv, global Term* kt, global Term* vp, int V, int T, int H,
@@ -51,16 +45,18 @@ kernel void attention_forward_pack(global const float* qkv, global Term* kt, glo
   const int count = min(KEYS, T - n * KEYS);
 #ifdef PAIRS
   k += (size_t)n * KEYS * row, values += (size_t)n * KEYS * row;
-  for (int d = 0; d < D; d += 2)
-    for (int j = 0; j < KEYS; ++j) {
-      global const float* key = k + (size_t)min(j, count - 1) * row + d;
-      kto[d / 2 * KEYS + j] = j < count ? pair_of(key[0], d + 1 < D ? key[1] : 0.0f) : 0u;
+  for (int j = 0; j < KEYS; ++j)
+    for (int d = 0; d < D; d += 16) {
+      uint pairs[8];
+      vstore8(pairs_along(load_part(k + (size_t)min(j, count - 1) * row + d, D - d)), 0, pairs);
+      for (int i = 0; i < min(8, TERMS_OF(D - d)); ++i) kto[(d / 2 + i) * KEYS + j] = j < count ? pairs[i] : 0u;
     }
   for (int j = 0; j < KEYS; j += 2)
-    for (int d = 0; d < HEAD_PAD; ++d) {
-      const float first = j < count && d < D ? values[(size_t)j * row + d] : 0.0f;
-      const float second = j + 1 < count && d < D ? values[(size_t)(j + 1) * row + d] : 0.0f;
-      vpo[j / 2 * HEAD_PAD + d] = pair_of(first, second);
+    for (int d = 0; d < HEAD_PAD; d += 16) {
+      global const float* first = values + (size_t)j * row + d;
+      const float16 one = load_part(first, j < count ? D - d : 0);
+      const float16 other = load_part(first + row, j + 1 < count ? D - d : 0);
+      vstore16(pairs_of(one, other), 0, vpo + j / 2 * HEAD_PAD + d);
     }
 #else
   for (int d = 0; d < D; ++d)

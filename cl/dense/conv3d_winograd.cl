@@ -101,6 +101,9 @@ static inline void pack_source(global const float* x, int count, global const fl
     const int width = min(16, count - c), channel = first + c;
     const float16 a = scale ? load_part(scale + c, width) : (float16)(1.0f);
     const float16 b = scale ? load_part(shift + c, width) : (float16)(0.0f);
+#ifdef PAIRS
+    ushort16 before[36];
+#endif
     for (int j = 0; j < PACK_ROWS; ++j) {
       const int z = z_first + j;
       float16 d[36];
@@ -131,7 +134,12 @@ static inline void pack_source(global const float* x, int count, global const fl
         for (int i = 0; i < 36; ++i) {
           global Packed* row = to + ((size_t)(i * blocks + channel / 16) * PACK_ROWS + j) * 16;
 #ifdef PAIRS
-          vstore16(operands_of(d[i]), 0, row);
+          // Two rows at a time: whole lines of a cache.
+          const ushort16 v = operands_of(d[i]);
+          if (j % 2 == 0)
+            before[i] = v;
+          else
+            vstore16((uint16)(as_uint8(before[i]), as_uint8(v)), 0, (global uint*)(row - 16));
 #else
           vstore16(d[i], 0, row);
 #endif
