@@ -130,7 +130,8 @@ std::vector<DamagedFile> damaged_files(const std::string& folder) {
   for (auto at = fs::recursive_directory_iterator(folder, fs::directory_options::skip_permission_denied, problem);
        !problem && at != fs::recursive_directory_iterator(); at.increment(problem)) {
     const fs::path path = at->path();
-    if (problem_of(path).empty()) continue;
+    // Beside the folders of programs lie the files that processes are still writing; these move when they are complete.
+    if (at.depth() == 0 || problem_of(path).empty()) continue;
     // The file may be being written right now.
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     if (const std::string what = problem_of(path); !what.empty()) out.push_back({path.string(), what});

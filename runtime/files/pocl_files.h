@@ -11,8 +11,9 @@ struct DamagedFile {
   std::string what;  // "it is empty"
 };
 
-// The incomplete libraries (.so) and LLVM bitcode files (.bc) in the folder. The check is by structure: it finds files
-// that are truncated, empty or something else, but no single wrong bytes. Empty if there is no folder.
+// The incomplete libraries (.so) and LLVM bitcode files (.bc) of programs, which have folders of their own below the
+// given one. The check is by structure: it finds files that are truncated, empty or something else, but no single wrong
+// bytes. Empty if there is no folder.
 std::vector<DamagedFile> damaged_files(const std::string& folder);
 
 // Removes such files from PoCL's cache, once in a process, before the first kernel is compiled, with a warning that

@@ -86,6 +86,17 @@ class Pocl(support.Case):
         self.assertEqual(picture, whole)
         self.assertIn("and 1 more were", err)
 
+    def test_what_another_process_is_writing_stays(self):
+        """PoCL links into a file beside the folders of programs and moves it there: until then it may be empty for long."""
+        self.drawn()
+        for name in ("tempfile_a1B2c3.so", "tempfile_d4E5f6.bc"):
+            with open(self.path("kernels", name), "wb"):
+                pass
+        self.assertEqual(self.doctor(), [])
+        self.assertEqual(self.drawn()[1], "")
+        for name in ("tempfile_a1B2c3.so", "tempfile_d4E5f6.bc"):
+            self.assertTrue(os.path.exists(self.path("kernels", name)), name)
+
     def test_damage_that_is_not_seen_is_told_when_it_crashes(self):
         """Overwritten code shows no damage before it runs."""
         self.drawn()
