@@ -40,30 +40,17 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
   global const float* keys = queries + out_step;
   global const float* values = keys + out_step;
   global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
-  // The statistics of its four rows. Conditional loads, not selections: with those, PoCL 6.0's compiler ends with "did
-  // not reach a fixpoint".
+  // The statistics of its four rows.
   global const float* own = stats + 2 * ((size_t)vh * T + t0);
   const int left = T - t0 - 4 * y;
-  global const float* means = delta + (size_t)vh * T + t0 + 4 * y;
-  float2 s0 = 0.0f, s1 = 0.0f, s2 = 0.0f, s3 = 0.0f;
-  float4 mean = 0.0f;
-  if (left > 0) {
-    s0 = vload2(4 * y, own);
-    mean.x = means[0];
-  }
-  if (left > 1) {
-    s1 = vload2(4 * y + 1, own);
-    mean.y = means[1];
-  }
-  if (left > 2) {
-    s2 = vload2(4 * y + 2, own);
-    mean.z = means[2];
-  }
-  if (left > 3) {
-    s3 = vload2(4 * y + 3, own);
-    mean.w = means[3];
-  }
+  const float2 s0 = left > 0 ? vload2(4 * y, own) : (float2)(0.0f),
+               s1 = left > 1 ? vload2(4 * y + 1, own) : (float2)(0.0f),
+               s2 = left > 2 ? vload2(4 * y + 2, own) : (float2)(0.0f),
+               s3 = left > 3 ? vload2(4 * y + 3, own) : (float2)(0.0f);
   const float4 top = (float4)(s0.x, s1.x, s2.x, s3.x), inverse = (float4)(s0.y, s1.y, s2.y, s3.y);
+  global const float* means = delta + (size_t)vh * T + t0 + 4 * y;
+  const float4 mean = (float4)(left > 0 ? means[0] : 0.0f, left > 1 ? means[1] : 0.0f, left > 2 ? means[2] : 0.0f,
+                               left > 3 ? means[3] : 0.0f);
   Rows4 acc[BLOCKS];
   clear_rows(acc);
   for (int k0 = 0; k0 < T; k0 += COLS) {
@@ -71,9 +58,11 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
         products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage);
     const float8 dp =
         products(g + t0 * out_step, out_step, T - t0, 1.0f, values + k0 * step, step, T - k0, 1.0f, D, stage);
-    ds[x * (ROW_STRIDE / 4) + y] = k0 + x < T ? exp2(s.lo - top) * inverse * (dp.lo - mean) : (float4)(0.0f);
-    ds[(x + 16) * (ROW_STRIDE / 4) + y] =
-        k0 + x + 16 < T ? exp2(s.hi - top) * inverse * (dp.hi - mean) : (float4)(0.0f);
+    // A key beyond T has score 0, which may be far above the other scores: its weight is set to 0, by its exponent. A
+    // selection between vectors would end PoCL 6.0's compiler ("did not reach a fixpoint").
+    const float near = k0 + x < T ? INFINITY : -INFINITY, far = k0 + x + 16 < T ? INFINITY : -INFINITY;
+    ds[x * (ROW_STRIDE / 4) + y] = exp2(min(s.lo - top, near)) * inverse * (dp.lo - mean);
+    ds[(x + 16) * (ROW_STRIDE / 4) + y] = exp2(min(s.hi - top, far)) * inverse * (dp.hi - mean);
     barrier(CLK_LOCAL_MEM_FENCE);
     add_up(ds, keys + k0 * step, step, T - k0, D, stage, acc);
   }
