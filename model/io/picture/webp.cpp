@@ -15,6 +15,8 @@ const char* name_of(VP8StatusCode status) {
   switch (status) {
     case VP8_STATUS_NOT_ENOUGH_DATA:
       return "the file ends early";
+    case VP8_STATUS_OUT_OF_MEMORY:  // also for some damage, since libwebp 1.3
+      return "its data are damaged, or memory was not enough";
     case VP8_STATUS_UNSUPPORTED_FEATURE:
       return "it has a feature that libwebp does not know";
     default:
@@ -23,8 +25,6 @@ const char* name_of(VP8StatusCode status) {
 }
 
 [[noreturn]] void damaged(const FileBytes& file, VP8StatusCode status) {
-  if (status == VP8_STATUS_OUT_OF_MEMORY)
-    fail(Status::memory, "{}: not enough memory to decode the picture", file.path);
   fail(Status::format, "{}: a damaged or cut-off WebP: {}", file.path, name_of(status));
 }
 

@@ -211,7 +211,8 @@ def checkpoint(path, state, parameters):
         registry.remove(mark)
     with zipfile.ZipFile(buffer, "a") as z:                                     # two entries that newer versions add
         for name, text in (("archive/byteorder", "little"), ("archive/.data/serialization_id", "0" * 40)):
-            z.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), text)
+            if name not in z.namelist():
+                z.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), text)
     with open(path, "wb") as f:
         f.write(buffer.getvalue())
 
