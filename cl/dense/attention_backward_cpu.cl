@@ -20,15 +20,27 @@
 //                                                attention_backward_by_key
 // scale            float                         1 / sqrt(D)
 // define HEAD_PAD  64                            D rounded up to a multiple of 32
+// define PAIRS                                   mixed precision: across is u32 [4,V H,N,ceil(D/2),32], pairs of
+//                                                neighbouring channels, and along u32 [3,V H,16 N,HEAD_PAD], of
+//                                                neighbouring tokens (pairs_cpu.clh); weights and their gradients are
+//                                                rounded, too, delta is not
 // work-items       groups of one
 // ```
 #include "attention_tile_cpu.clh"
 
 #define LN2 0.69314718055994531f
 
+// Two numbers `step` apart as a pair, the second one if it exists, or the number at `from`.
+#ifdef PAIRS
+#define TERM_AT(from, step, exists, by) pair_of((from)[0] * (by), (exists) ? (from)[step] * (by) : 0.0f)
+#else
+#define TERM_AT(from, step, exists, by) ((from)[0] * (by))
+#endif
+#define IN_TERM (KEYS / TERMS_OF(KEYS))  // numbers of a term
+
 // Work-items (panel, v H + h, one of q, k, v, dout).
 kernel void attention_backward_pack(global const float* qkv, global const float* out, global const float* stats,
-                                    global const float* dout, global float* across, global float* along,
+                                    global const float* dout, global Term* across, global Term* along,
                                     global float* terms, int V, int T, int H, int D, float scale) {
   const int n = get_global_id(0), vh = get_global_id(1), which = get_global_id(2);
   const int panels = DIV_UP(T, KEYS), v = vh / H, h = vh % H, count = min(KEYS, T - n * KEYS);
@@ -36,15 +48,17 @@ kernel void attention_backward_pack(global const float* qkv, global const float*
   global const float* from = which == 3 ? dout + (size_t)h * D : qkv + (size_t)(which * H + h) * D;
   from += ((size_t)v * T + (size_t)n * KEYS) * step;
   const float by = which == 0 ? scale * LOG2E : 1.0f;
-  global float* to = across + (((size_t)which * heads + vh) * panels + n) * D * KEYS;
-  for (int d = 0; d < D; ++d)
-    for (int j = 0; j < KEYS; ++j) to[d * KEYS + j] = j < count ? from[j * step + d] * by : 0.0f;
+  global Term* to = across + (((size_t)which * heads + vh) * panels + n) * TERMS_OF(D) * KEYS;
+  for (int d = 0; d < D; d += IN_TERM)
+    for (int j = 0; j < KEYS; ++j)
+      to[d / IN_TERM * KEYS + j] = j < count ? TERM_AT(from + j * step + d, 1, d + 1 < D, by) : 0;
   if (which == 2) return;
-  to = along + (((size_t)(which == 3 ? 2 : which) * heads + vh) * panels + n) * KEYS * HEAD_PAD;
-  for (int j = 0; j < KEYS; ++j)
-    for (int d = 0; d < HEAD_PAD; ++d) to[j * HEAD_PAD + d] = j < count && d < D ? from[j * step + d] * by : 0.0f;
+  to = along + (((size_t)(which == 3 ? 2 : which) * heads + vh) * panels + n) * TERMS_OF(KEYS) * HEAD_PAD;
+  for (int j = 0; j < KEYS; j += IN_TERM)
+    for (int d = 0; d < HEAD_PAD; ++d)
+      to[j / IN_TERM * HEAD_PAD + d] = j < count && d < D ? TERM_AT(from + j * step + d, step, j + 1 < count, by) : 0;
   if (which != 3) return;
-  to = terms + ((size_t)vh * panels + n) * 3 * KEYS;
+  global float* rows = terms + ((size_t)vh * panels + n) * 3 * KEYS;
   for (int j = 0; j < KEYS; ++j) {
     float2 row = (float2)(0.0f, 0.0f);
     float delta = 0.0f;
@@ -53,27 +67,28 @@ kernel void attention_backward_pack(global const float* qkv, global const float*
       global const float* o = out + (((size_t)v * T + n * KEYS + j) * H + h) * D;
       for (int d = 0; d < D; ++d) delta += from[j * step + d] * o[d];
     }
-    to[j] = row.x;
-    to[KEYS + j] = row.y;
-    to[2 * KEYS + j] = delta;
+    rows[j] = row.x;
+    rows[KEYS + j] = row.y;
+    rows[2 * KEYS + j] = delta;
   }
 }
 
-// Loads a [D, ROWS] for ROWS tokens from t0 on, from `along` of their head. Tokens beyond T repeat the last one; their
-// results are not stored.
-static inline void load_rows(global const float* along, int t0, int T, int D, float* a) {
+// Loads a [D in terms, ROWS] for ROWS tokens from t0 on, from `across` of their head. Tokens beyond T repeat the last
+// one; their results are not stored.
+static inline void load_rows(global const Term* across, int t0, int T, int D, Term* a) {
   for (int i = 0; i < ROWS; ++i) {
-    global const float* from = along + (size_t)min(t0 + i, T - 1) * HEAD_PAD;
-    for (int d = 0; d < D; ++d) a[d * ROWS + i] = from[d];
+    const int t = min(t0 + i, T - 1);
+    global const Term* from = across + (size_t)(t / KEYS) * TERMS_OF(D) * KEYS + t % KEYS;
+    for (int d = 0; d < TERMS_OF(D); ++d) a[d * ROWS + i] = from[d * KEYS];
   }
 }
 
-// to [ROWS, STEP], columns column .. column + 31: a^T b, for a [D, ROWS] and a panel b [D, KEYS].
-static inline void tile_product(const float* a, global const float* b, int D, float* to, int column) {
+// to [ROWS, STEP], columns column .. column + 31: a^T b, for a [D, ROWS] and a panel b [D, KEYS], D in terms.
+static inline void tile_product(const Term* a, global const Term* b, int D, float* to, int column) {
   EACH_ROW(TILE_ZERO)
-  for (int d = 0; d < D; ++d) {
-    const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
-    const float* a_ = a + d * ROWS;
+  for (int d = 0; d < TERMS_OF(D); ++d) {
+    const Term16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
+    const Term* a_ = a + d * ROWS;
     const int a_step_ = 1;
     EACH_ROW(TILE_FMA)
   }
@@ -83,16 +98,17 @@ static inline void tile_product(const float* a, global const float* b, int D, fl
   EACH_ROW(TILE_PUT)
 }
 
-// o [ROWS, HEAD_PAD] += w b, for the first `count` columns of w [ROWS, STEP], and b [count, HEAD_PAD].
-static inline void tile_add(const float* w, global const float* b, int count, float* o) {
+// o [ROWS, HEAD_PAD] += w b, for the first `count` columns of w [ROWS, STEP], and b [count, HEAD_PAD]; columns in
+// terms.
+static inline void tile_add(const Term* w, global const Term* b, int count, float* o) {
   for (int column = 0; column < HEAD_PAD; column += 32) {
 #define TILE_TAKE(i) \
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column), hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16);
     EACH_ROW(TILE_TAKE)
-    for (int j = 0; j < count; ++j) {
-      const float16 b0_ = vload16(0, b + j * HEAD_PAD + column), b1_ = vload16(0, b + j * HEAD_PAD + column + 16);
-      const float* a_ = w + j;
-      const int a_step_ = STEP;
+    for (int j = 0; j < TERMS_OF(count); ++j) {
+      const Term16 b0_ = vload16(0, b + j * HEAD_PAD + column), b1_ = vload16(0, b + j * HEAD_PAD + column + 16);
+      const Term* a_ = w + j;
+      const int a_step_ = TERMS_OF(STEP);
       EACH_ROW(TILE_FMA)
     }
     EACH_ROW(TILE_KEEP)
@@ -100,25 +116,26 @@ static inline void tile_add(const float* w, global const float* b, int count, fl
 }
 
 // dq. Work-items (ROWS queries, v H + h).
-kernel void attention_backward_by_query(global const float* across, global const float* along,
-                                        global const float* terms, global float* dqkv, int V, int T, int H, int D,
-                                        float scale) {
+kernel void attention_backward_by_query(global const Term* across, global const Term* along, global const float* terms,
+                                        global float* dqkv, int V, int T, int H, int D, float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
-  const size_t wide = (size_t)V * H * panels * D * KEYS, high = (size_t)V * H * panels * KEYS * HEAD_PAD;
-  const size_t head = (size_t)vh * panels * KEYS;
-  float q[HEAD_PAD * ROWS], g[HEAD_PAD * ROWS], o[ROWS * HEAD_PAD], s[ROWS * STEP], dp[ROWS * STEP];
-  load_rows(along + head * HEAD_PAD, t0, T, D, q);
-  load_rows(along + 2 * high + head * HEAD_PAD, t0, T, D, g);
+  const size_t panel = (size_t)TERMS_OF(D) * KEYS, wide = (size_t)V * H * panels * panel;
+  const size_t rows = (size_t)TERMS_OF(KEYS) * HEAD_PAD, high = (size_t)V * H * panels * rows;
+  across += (size_t)vh * panels * panel;
+  along += (size_t)vh * panels * rows;
+  Term q[TERMS_OF(HEAD_PAD) * ROWS], g[TERMS_OF(HEAD_PAD) * ROWS], w[ROWS * TERMS_OF(STEP)];
+  float o[ROWS * HEAD_PAD], s[ROWS * STEP], dp[ROWS * STEP];
+  load_rows(across, t0, T, D, q);
+  load_rows(across + 3 * wide, t0, T, D, g);
   for (int i = 0; i < ROWS * HEAD_PAD; ++i) o[i] = 0.0f;
   const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     for (int n = 0; n < here; ++n) {
-      const size_t panel = (head + (size_t)(n0 + n) * KEYS) * D;
-      tile_product(q, across + wide + panel, D, s, n * KEYS);
-      tile_product(g, across + 2 * wide + panel, D, dp, n * KEYS);
+      tile_product(q, across + wide + (n0 + n) * panel, D, s, n * KEYS);
+      tile_product(g, across + 2 * wide + (n0 + n) * panel, D, dp, n * KEYS);
     }
     for (int i = 0; i < ROWS; ++i) {
       const int t = min(t0 + i, T - 1);
@@ -129,10 +146,10 @@ kernel void attention_backward_by_query(global const float* across, global const
         const float16 ds = p * (vload16(0, dp + i * STEP + j) - delta);
         // A key beyond T has score 0, which may be far above the other scores: its gradient is set to 0.
         const int16 gone = lane >= (float)(T - n0 * KEYS - j);
-        vstore16(select(ds, (float16)(0.0f), gone), 0, s + i * STEP + j);
+        store_terms(select(ds, (float16)(0.0f), gone), i * STEP + j, w);
       }
     }
-    tile_add(s, along + high + (head + (size_t)n0 * KEYS) * HEAD_PAD, here * KEYS, o);
+    tile_add(w, along + high + n0 * rows, here * KEYS, o);
   }
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
     global float* to = dqkv + ((size_t)(v * T + t0 + i) * 3 * H + h) * D;
@@ -141,28 +158,26 @@ kernel void attention_backward_by_query(global const float* across, global const
 }
 
 // dk and dv. Work-items (ROWS keys, v H + h).
-kernel void attention_backward_by_key(global const float* across, global const float* along, global const float* terms,
+kernel void attention_backward_by_key(global const Term* across, global const Term* along, global const float* terms,
                                       global float* dqkv, int V, int T, int H, int D) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
-  const size_t wide = (size_t)V * H * panels * D * KEYS, high = (size_t)V * H * panels * KEYS * HEAD_PAD;
-  const size_t head = (size_t)vh * panels * KEYS;
-  float k[HEAD_PAD * ROWS], values[HEAD_PAD * ROWS], ok[ROWS * HEAD_PAD], ov[ROWS * HEAD_PAD];
-  float p[ROWS * STEP], ds[ROWS * STEP];
-  load_rows(along + high + head * HEAD_PAD, t0, T, D, k);
-  for (int i = 0; i < ROWS; ++i) {
-    global const float* from = across + 2 * wide + head * D;
-    const int t = min(t0 + i, T - 1);
-    for (int d = 0; d < D; ++d) values[d * ROWS + i] = from[((size_t)(t / KEYS) * D + d) * KEYS + t % KEYS];
-  }
+  const size_t panel = (size_t)TERMS_OF(D) * KEYS, wide = (size_t)V * H * panels * panel;
+  const size_t rows = (size_t)TERMS_OF(KEYS) * HEAD_PAD, high = (size_t)V * H * panels * rows;
+  across += (size_t)vh * panels * panel;
+  along += (size_t)vh * panels * rows;
+  Term k[TERMS_OF(HEAD_PAD) * ROWS], values[TERMS_OF(HEAD_PAD) * ROWS];
+  Term wk[ROWS * TERMS_OF(STEP)], wv[ROWS * TERMS_OF(STEP)];
+  float p[ROWS * STEP], ds[ROWS * STEP], ok[ROWS * HEAD_PAD], ov[ROWS * HEAD_PAD];
+  load_rows(across + wide, t0, T, D, k);
+  load_rows(across + 2 * wide, t0, T, D, values);
   for (int i = 0; i < ROWS * HEAD_PAD; ++i) ok[i] = ov[i] = 0.0f;
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     for (int n = 0; n < here; ++n) {
-      const size_t panel = (head + (size_t)(n0 + n) * KEYS) * D;
-      tile_product(k, across + panel, D, p, n * KEYS);
-      tile_product(values, across + 3 * wide + panel, D, ds, n * KEYS);
+      tile_product(k, across + (n0 + n) * panel, D, p, n * KEYS);
+      tile_product(values, across + 3 * wide + (n0 + n) * panel, D, ds, n * KEYS);
     }
     // Queries beyond T have an inverse sum of 0, and so weight 0.
     global const float* of = terms + ((size_t)vh * panels + n0) * 3 * KEYS;
@@ -171,13 +186,12 @@ kernel void attention_backward_by_key(global const float* across, global const f
       const float16 top = vload16(0, term), inverse = vload16(0, term + KEYS), delta = vload16(0, term + 2 * KEYS);
       for (int i = 0; i < ROWS; ++i) {
         const float16 weight = exp2_16(vload16(0, p + i * STEP + j) - top) * inverse;
-        vstore16(weight, 0, p + i * STEP + j);
-        vstore16(weight * (vload16(0, ds + i * STEP + j) - delta), 0, ds + i * STEP + j);
+        store_terms(weight, i * STEP + j, wv);
+        store_terms(weight * (vload16(0, ds + i * STEP + j) - delta), i * STEP + j, wk);
       }
     }
-    const size_t rows = (head + (size_t)n0 * KEYS) * HEAD_PAD;
-    tile_add(ds, along + rows, here * KEYS, ok);
-    tile_add(p, along + 2 * high + rows, here * KEYS, ov);
+    tile_add(wk, along + n0 * rows, here * KEYS, ok);
+    tile_add(wv, along + 2 * high + n0 * rows, here * KEYS, ov);
   }
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
     global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;

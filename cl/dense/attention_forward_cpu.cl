@@ -112,11 +112,7 @@ static inline void softmax_step(Softmax* state, const float16* high, int count, 
     float16 sum = state->total[i] * decay;
     for (int j = 0; j < count; j += 16) {
       const float16 e = exp2_16(vload16(0, p + i * STEP + j) - top);
-#ifdef PAIRS
-      vstore8(pairs_along(e), 0, w + (i * STEP + j) / 2);
-#else
-      vstore16(e, 0, w + i * STEP + j);
-#endif
+      store_terms(e, i * STEP + j, w);
       sum += e;
     }
     state->total[i] = sum;

@@ -32,13 +32,6 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-// Refuses reduced precision: there are no gradients for rounded products.
-void refuse_mixed(const Context& ctx) {
-  if (ctx.precision() != Precision::fp32)
-    fail(Status::usage, "training computes in fp32, and the device was opened in {} precision: take fp32 as {}",
-         name_of(ctx.precision()), Option::precision);
-}
-
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
   fail(Status::memory,
@@ -372,7 +365,6 @@ bool is_due(long period, long step, long steps) { return step == steps || (perio
 }  // namespace
 
 TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, const TrainOptions& options) {
-  refuse_mixed(ctx);
   // Checked before random weights are made, since a large model may exceed host memory; a file's weights are no larger
   // than the file.
   if (options.init.empty())
@@ -463,7 +455,6 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
 }
 
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
-  refuse_mixed(ctx);
   const auto planner = ctx.planner();
   Checkpoint start;  // no weights: a plan needs no values, and a model's may exceed host memory
   start.config = config;

@@ -1,5 +1,6 @@
 """--precision: mixed is reported, gives the same bytes each time and pictures like fp32's, and is refused if it is not available."""
 import json
+import os
 
 import support
 
@@ -33,11 +34,23 @@ class Precision(support.Case):
         self.refuses(2, ["CLBlast multiplies in fp32"], *self.reconstruct("--precision", "mixed", "--gemm", "clblast"))
         self.refuses(2, ["--precision"], *self.reconstruct("--precision", "fp16"))
         self.refuses(2, ["--precision"], "render", self.path("no.ply"), "--precision", "mixed")
+
+    def test_a_training_goes_on_to_the_same_bytes(self):
         with open(self.path("train.json"), "w") as config:
-            json.dump({"model": "micro", "steps": 1}, config)
+            json.dump({"model": "micro", "steps": 4, "checkpoint_every": 2, "keep_checkpoints": 2}, config)
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 8, "--size", self.SIDE, "--seed", 4)
-        self.refuses(2, ["training computes in fp32", "--precision"], "train", self.path("train.json"), "--data", self.path("set"),
-                     "--output", self.path("run"), "--precision", "mixed")
+
+        def trained(name, *more):
+            self.succeeds("train", self.path("train.json"), "--data", self.path("set"), "--output", self.path(name), *more, env=EMULATED)
+            with open(self.path(name, "model.safetensors"), "rb") as model:
+                return model.read()
+
+        mixed = ["--precision", "mixed"]
+        whole = trained("whole", *mixed)
+        self.assertNotEqual(trained("fp32", "--kernels", "gpu", "--gemm", "own"), whole)
+        os.remove(self.path("whole", "checkpoint-00000004.safetensors"))
+        os.remove(self.path("whole", "model.safetensors"))
+        self.assertEqual(trained("whole", *mixed, "--resume"), whole)
 
     def test_cpu_kernels_need_the_processors_instructions(self):
         without = {"VSPLAT_LIMITS": "matrix=0"}

@@ -59,9 +59,12 @@ void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
   const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), heads = s.v * s.h;
   const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_backward));
   const long v = s.v, t = s.t, h = s.h, c = s.c, rows = Sizes::rows(ctx, tuned);
-  const std::string defines = s.defines(ctx, tuned);
-  const Tensor across = ctx.tensor({4, heads, panels, s.c, 32}, Type::f32, "attention.across");
-  const Tensor along = ctx.tensor({3, heads, panels * 32, pad}, Type::f32, "attention.along");
+  const bool pairs = wants_pairs(ctx, s.c, s.t);
+  const std::string defines = s.defines(ctx, tuned) + (pairs ? " " + pair_defines(ctx) : "");
+  const long share = pairs ? 2 : 1;  // numbers of a word
+  const Type type = pairs ? Type::u32 : Type::f32;
+  const Tensor across = ctx.tensor({4, heads, panels, div_up(s.c, share), 32}, type, "attention.across");
+  const Tensor along = ctx.tensor({3, heads, panels * 32 / share, pad}, type, "attention.along");
   const Tensor terms = ctx.tensor({heads, panels, 3, 32}, Type::f32, "attention.terms");
   const double io = static_cast<double>(a.qkv.bytes()), tiles = static_cast<double>(across.bytes() + along.bytes());
   ctx.launch({"attention_backward_cpu", "attention_backward_pack", defines}, groups(panels, 1, heads, 4),

@@ -331,29 +331,34 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
     compose_rows(ctx, g.in, x);
   }
   const long tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide), np = div_up(s.n, kTileCols) * kTileCols;
+  const bool pairs = wants_pairs(ctx, s.c(), s.n);
+  const long share = pairs ? 2 : 1;  // tiles of a word
+  const std::string defines = winograd_defines(ctx, pairs);
   // As many tiles at a time as make sums of some 1024 terms.
   const long most = std::max(1L, 2 * kScratchFloats / (kCoefficients * s.z * (s.c() + np)));
-  const long step = std::min({tiles, most, div_up(1024L, s.z)});
-  const Tensor v = ctx.tensor({kCoefficients * step * s.z * s.c() + kTileRows}, Type::f32, "transformed tiles");
-  const Tensor e = ctx.tensor({kCoefficients, step, s.z, np}, Type::f32, "transformed gradients");
+  const long step = std::min(tiles, round_up(std::min(most, div_up(1024L, s.z)), share));
+  const Type type = pairs ? Type::u32 : Type::f32;
+  const Tensor v =
+      ctx.tensor({kCoefficients * div_up(step, share) * s.z * s.c() + kTileRows}, type, "transformed tiles");
+  const Tensor e = ctx.tensor({kCoefficients, div_up(step, share), s.z, np}, type, "transformed gradients");
   const Tensor m = ctx.tensor({kCoefficients, 3, s.c(), s.n}, Type::f32, "transformed weight gradients");
   const double cn = static_cast<double>(s.c()) * static_cast<double>(s.n);
   for (long t = 0; t < tiles; t += step) {
-    const long count = std::min(step, tiles - t);
-    const double rows = static_cast<double>(kCoefficients * count * s.z);
-    ctx.launch({"conv3d_winograd_backward", "winograd_backward_in", ""}, groups(s.z, 1, count),
+    const long count = std::min(step, tiles - t), words = div_up(count, share);
+    const double rows = static_cast<double>(kCoefficients * words * s.z);
+    ctx.launch({"conv3d_winograd_backward", "winograd_backward_in", defines}, groups(s.z, 1, words),
                {0, 4 * rows * static_cast<double>(s.c())}, x, s.c(), s.x, s.y, s.z, t, count,
-               written(v, kCoefficients * count * s.z * s.c()));
-    ctx.launch({"conv3d_winograd_backward", "winograd_backward_out", ""}, groups(s.z, 1, count),
+               written(v, kCoefficients * words * s.z * s.c()));
+    ctx.launch({"conv3d_winograd_backward", "winograd_backward_out", defines}, groups(s.z, 1, words),
                {0, 4 * rows * static_cast<double>(np)}, g.dy, s.n, s.x, s.y, s.z, t, count,
-               written(e, kCoefficients * count * s.z * np));
-    ctx.launch({"conv3d_winograd_backward", "winograd_backward_tile", "", g.name},
+               written(e, kCoefficients * words * s.z * np));
+    ctx.launch({"conv3d_winograd_backward", "winograd_backward_tile", defines, g.name},
                groups(div_up(s.c(), kTileRows), 1, np / kTileCols, kCoefficients),
                {direct_flops(s) * static_cast<double>(count) / static_cast<double>(tiles),
                 4 * (rows * static_cast<double>(s.c() + np) + 3 * kCoefficients * cn), multiplied(count, s)},
-               v, e, s.c(), s.n, s.z, count, t > 0 ? 1 : 0, written(m));
+               v, e, s.c(), s.n, s.z, words, t > 0 ? 1 : 0, written(m));
   }
-  ctx.launch({"conv3d_winograd_backward", "winograd_backward_sum", ""}, groups(div_up(s.n, 16L), 1, s.c()),
+  ctx.launch({"conv3d_winograd_backward", "winograd_backward_sum", defines}, groups(div_up(s.n, 16L), 1, s.c()),
              {0, 4.0 * static_cast<double>(m.count() + 2 * g.dw.count())}, m, s.c(), s.n, written(g.dw));
 }
 

@@ -33,7 +33,7 @@ typedef enum vsplat_gemm {
 } vsplat_gemm;
 
 /* Number format of the network's large matrix products when it computes a scene. Rendering, fitting and the measures of
-   pictures use fp32 with either value. Training uses fp32 and is refused in mixed precision. */
+   pictures use fp32 with either value. Training keeps weights, gradients, moments and losses in fp32. */
 typedef enum vsplat_precision {
   VSPLAT_PRECISION_FP32 = 0, /* fp32 throughout */
   VSPLAT_PRECISION_MIXED = 1 /* operands rounded to bf16, sums in fp32; computed by the device's matrix units if these

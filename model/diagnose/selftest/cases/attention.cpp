@@ -54,6 +54,13 @@ void attention_pairs_all(Checks& c) {
     attention_forward(c.ctx, f);
     c.close(
         "pairs, forward", f.out, [&, t = t, d = d] { return ref::attention(qkv, 2, t, 3, d); }, 2e-2);
+    c.keep();
+    const auto dout = random_floats(static_cast<std::size_t>(2 * t * 3 * d), 8);
+    const AttentionBackward b{f.qkv, f.out, f.stats, c.up({2, t, 3 * d}, dout), c.gap({2, t, 3, 3, d})};
+    attention_backward(c.ctx, b);
+    c.close(
+        "pairs, backward", b.dqkv,
+        [&, t = t, d = d] { return ref::attention_backward(qkv, 2, t, 3, d, as_doubles(dout)); }, 2e-2);
   }
 }
 

@@ -9,8 +9,8 @@
 
 #include "model/networks/vsplat/vsplat_model.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
+#include "tests/support/mixed.h"
 #include "tests/support/variable.h"
 
 namespace vsplat {
@@ -32,13 +32,10 @@ using MixedStages = std::map<std::string, std::vector<float>>;
 MixedStages run_mixed(Context& ctx, const Golden& golden) {
   const Config& config = golden.config();
   const VsplatModel model(ctx, config, golden.weights());
-  const long edge = config.image, views = golden.views(), r = config.volume;
+  const long edge = config.image, views = golden.views();
   std::vector<float> images = golden.floats("input.images");
   images.resize(static_cast<std::size_t>(views * edge * edge * 3));
-  const std::vector<std::int64_t> coords = golden.integers("stage.coords");
-  std::vector<int> selection;
-  for (std::size_t i = 0; i < coords.size(); i += 3)
-    selection.push_back(static_cast<int>((coords[i] * r + coords[i + 1]) * r + coords[i + 2]));
+  const std::vector<int> selection = test::golden_index(golden);
   MixedStages out;
   ForwardOptions options;
   options.temperature = golden.temperature();
@@ -56,27 +53,13 @@ double off_by(const std::vector<float>& got, const std::vector<float>& want) {
   return got.size() == want.size() ? std::sqrt(error / all) : INFINITY;
 }
 
-struct Way {
-  Flavour flavour;
-  MatrixUnit unit;
-};
-
-class MixedModel : public ::testing::TestWithParam<std::tuple<const char*, Way>> {
+class MixedModel : public ::testing::TestWithParam<std::tuple<const char*, test::MixedUnit>> {
  protected:
   void SetUp() override {
-    const DeviceInfo device = test::context(Flavour::cpu).device();
-    const auto& units = device.matrix_units;
-    const auto [flavour, unit] = std::get<1>(GetParam());
-    if (flavour == Flavour::cpu && device.native_float_width < 4) GTEST_SKIP() << "no vectors";
-    if (unit != MatrixUnit::emulated && std::find(units.begin(), units.end(), unit) == units.end())
-      GTEST_SKIP() << "no such instructions";
+    const std::string why = test::cannot_multiply(std::get<1>(GetParam()));
+    if (!why.empty()) GTEST_SKIP() << why;
   }
-  static std::unique_ptr<Context> open() {
-    const auto [flavour, unit] = std::get<1>(GetParam());
-    ContextOptions options;
-    options.precision = Precision::mixed, options.matrix_unit = unit;
-    return test::open_context(flavour, options);
-  }
+  static std::unique_ptr<Context> open() { return test::open_mixed(std::get<1>(GetParam())); }
   static const char* model() { return std::get<0>(GetParam()); }
   test::Variable every_product_{"VSPLAT_MATRIX_LEAST", "1"};
 };
@@ -116,14 +99,9 @@ TEST_P(MixedModel, ThreeRunsGiveTheSameBits) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Units, MixedModel,
-                         ::testing::Combine(::testing::Values("micro", "tiny", "tiny_paper"),
-                                            ::testing::Values(Way{Flavour::gpu, MatrixUnit::emulated},
-                                                              Way{Flavour::cpu, MatrixUnit::emulated},
-                                                              Way{Flavour::cpu, MatrixUnit::avx512bf16})),
+                         ::testing::Combine(::testing::Values("micro", "tiny", "tiny_paper"), test::kMixedUnits),
                          [](const auto& info) {
-                           const Way way = std::get<1>(info.param);
-                           return std::string(std::get<0>(info.param)) + "_" + name_of(way.flavour) + "_" +
-                                  name_of(way.unit);
+                           return std::string(std::get<0>(info.param)) + "_" + std::get<1>(info.param).name();
                          });
 
 }  // namespace
