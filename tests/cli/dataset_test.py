@@ -116,6 +116,15 @@ class Dataset(support.Case):
             self.assertIn(words, err)
         self.assertTrue(os.path.exists(self.path("sheet.png")))
 
+    def test_each_missing_picture_is_told_of_itself(self):
+        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 8, "--size", 16, "--seed", 3)
+        for name in ("0002.png", "0005.png"):
+            os.remove(self.path("set", "solid_0000", "images", name))
+        _, out, err = support.run("dataset", "info", self.path("set"))
+        first, second = [line for line in (out + err).splitlines() if "picture is missing" in line]
+        self.assertTrue("0002.png" in first and "0005.png" not in first, first)
+        self.assertTrue("0005.png" in second and "0002.png" not in second, second)
+
     def test_info_of_what_is_no_set(self):
         self.refuses(1, "nowhere", "dataset", "info", self.path("nowhere"))
         os.makedirs(self.path("hollow"))

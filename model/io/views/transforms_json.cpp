@@ -111,7 +111,12 @@ void read_distortion(const Fields& fields, Camera& camera) {
          fields.where(), printable(model));
   std::array<double, 6> k{};
   const char* const names[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
-  for (int i = 0; i < 6; ++i) k[i] = fields.number_or(names[i], 0.0);
+  if (const json* all = fields.find("distortion_params"); all && !all->is_null()) {  // nerfstudio's other spelling
+    const auto one = matrix<1, 6>(fields.where(), "distortion_params", json::array({*all}));
+    for (int i = 0; i < 6; ++i) k[i] = one(0, i);
+  } else {
+    for (int i = 0; i < 6; ++i) k[i] = fields.number_or(names[i], 0.0);
+  }
   Distortion& out = camera.distortion;
   if (fisheye) {
     if (k[4] != 0 || k[5] != 0)

@@ -171,8 +171,9 @@ std::string doubled_names(const fs::path& folder) {
              : how_to_get_poses(folder, folder));
   }
   if (kind == "a video")
-    fail(Status::format, "{}: is a video: take pictures from it (ffmpeg -i {} -vf fps=2 images/%04d.png); {}", text,
-         text, how_to_get_poses(".", "images"));
+    fail(Status::format,
+         "{}: is a video: take pictures from it (mkdir images; ffmpeg -i {} -vf fps=2 images/%04d.png); {}", text, text,
+         how_to_get_poses(".", "images"));
   fail(Status::format,
        "{}: is {}, and a list of cameras is expected: a transforms.json, a cameras.json, a COLMAP model "
        "or the folder with one",

@@ -69,7 +69,8 @@ TEST_P(MixedGradients, OfTheNetworkAreWithinTheirBound) {
       norm += std::pow(static_cast<double>(want[i]), 2);
     }
   }
-  EXPECT_LE(std::sqrt(error / norm), 2e-2);
+  // About twice the errors measured. The cpu kernels also round by Winograd's method, with as few as 32 channels.
+  EXPECT_LE(std::sqrt(error / norm), unit.flavour == Flavour::cpu ? 5e-2 : 2e-2);
   EXPECT_GT(std::sqrt(error / norm), 1e-4) << "nothing was rounded";
   EXPECT_EQ(run(false), got);
   EXPECT_EQ(run(true), got) << "recomputed";

@@ -88,6 +88,18 @@ void clean_lines(std::string& text) {
   text.resize(to);
 }
 
+void split_libraries(std::string& text) {
+  constexpr std::string_view word = "mtllib ", ending = ".mtl";
+  for (std::size_t at = 0; at < text.size(); at = std::min(text.find('\n', at), text.size()) + 1) {
+    if (!std::string_view(text).substr(at).starts_with(word)) continue;
+    for (std::size_t i = at + word.size(); i < text.size() && text[i] != '\n'; ++i)
+      if (blanks.find(text[i]) != blanks.npos && lower(text.substr(i - ending.size(), ending.size())) == ending) {
+        text.replace(i, std::min(text.find_first_not_of(blanks, i), text.size()) - i, "\n" + std::string(word));
+        i += word.size();
+      }
+  }
+}
+
 struct MtlMaterials::Line {
   const std::string& path;
   std::size_t number;

@@ -125,6 +125,9 @@ TEST_F(Obj, FilesAreFoundWhereverTheirPathsLead) {
   std::filesystem::copy(path("tex.png"), path("tex.jpeg"));
   test::expect_error(Status::input, {path(), "its texture", "tex.png", "tex.jpeg", "TEX.jpg"},
                      [&] { load_mesh(path()); });
+  put_file(path("b c.mtl"), "newmtl other\n");  // several files in one line, a name with a blank
+  expect_plain("newmtl m\nKd 1 1 1\nmap_Kd tex.png\n", box("mtllib b c.mtl a.mtl\n"));
+  expect_plain("newmtl m\nKd 1 1 1\nmap_Kd tex.png\n", box("mtllib a.MTL  b c.mtl\n"));
   put_file(path("a.mtl"), "newmtl m\nmap_Kd wood/tex1.png\n");
   test::expect_error(Status::input, {path(), "wood/tex1.png is missing", "looked for"}, [&] { load_mesh(path()); });
   put_file(path(), box("mtllib C:\\b.mtl\n"));

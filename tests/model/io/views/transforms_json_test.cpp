@@ -167,6 +167,12 @@ TEST_F(TransformsJson, DistortionOfBothLenses) {
   for (int i = 0; i < 4; ++i) EXPECT_EQ(lens.k[i], fisheye[i]);
   root["camera_model"] = "EQUIRECTANGULAR";
   expect_error(Status::input, {"EQUIRECTANGULAR", "not supported"}, [&] { read(root); });
+  root = sample(1);
+  root["distortion_params"] = {0.1, 0.02, 0.003, 0, 0.04, 0.05};  // as nerfstudio's cameras hold them
+  lens = read(root).views[0].camera.distortion;
+  for (int i = 0; i < 8; ++i) EXPECT_EQ(lens.k[i], opencv[i]);
+  root["distortion_params"] = {0.1, 0.02};
+  expect_error(Status::format, {"frame 0", "distortion_params"}, [&] { read(root); });
 }
 
 TEST_F(TransformsJson, LensesThatAreNoneAreNamed) {
