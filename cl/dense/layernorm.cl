@@ -122,9 +122,12 @@ kernel void layernorm_backward_cpu(global const float* x, global const float* ga
 
 #define GROUP 64
 
+// Functions with barriers that Mesa 25's rusticl must not call: it crashes.
+#define WITH_BARRIERS static inline __attribute__((always_inline))
+
 // The sum over the group in a fixed order. It holds barriers, so every work-item must call it. part [GROUP]: local
 // memory.
-static float group_sum(float mine, local float* part) {
+WITH_BARRIERS float group_sum(float mine, local float* part) {
   const int item = get_local_id(0);
   part[item] = mine;
   barrier(CLK_LOCAL_MEM_FENCE);
@@ -138,7 +141,7 @@ static float group_sum(float mine, local float* part) {
 }
 
 // statistics() by a whole group.
-static float2 group_statistics(global const float* x, int C, float eps, local float* part) {
+WITH_BARRIERS float2 group_statistics(global const float* x, int C, float eps, local float* part) {
   const int item = get_local_id(0);
   float sum = 0.0f;
   for (int c = item; c < C; c += GROUP) sum += x[c];
