@@ -58,11 +58,11 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
         products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage);
     const float8 dp =
         products(g + t0 * out_step, out_step, T - t0, 1.0f, values + k0 * step, step, T - k0, 1.0f, D, stage);
-    // A key beyond T has score 0, which may be far above the other scores: its weight is set to 0, by its exponent. A
-    // selection between vectors would end PoCL 6.0's compiler ("did not reach a fixpoint").
-    const float near = k0 + x < T ? INFINITY : -INFINITY, far = k0 + x + 16 < T ? INFINITY : -INFINITY;
-    ds[x * (ROW_STRIDE / 4) + y] = exp2(min(s.lo - top, near)) * inverse * (dp.lo - mean);
-    ds[(x + 16) * (ROW_STRIDE / 4) + y] = exp2(min(s.hi - top, far)) * inverse * (dp.hi - mean);
+    // A key beyond T has score 0, which may be far above the other scores: its weight is bounded, then multiplied by 0.
+    // A selection between vectors would end PoCL 6.0's compiler ("did not reach a fixpoint").
+    const float near = k0 + x < T ? 1.0f : 0.0f, far = k0 + x + 16 < T ? 1.0f : 0.0f;
+    ds[x * (ROW_STRIDE / 4) + y] = exp2(min(s.lo - top, 0.0f)) * inverse * (dp.lo - mean) * near;
+    ds[(x + 16) * (ROW_STRIDE / 4) + y] = exp2(min(s.hi - top, 0.0f)) * inverse * (dp.hi - mean) * far;
     barrier(CLK_LOCAL_MEM_FENCE);
     add_up(ds, keys + k0 * step, step, T - k0, D, stage, acc);
   }
