@@ -129,7 +129,7 @@ TEST_F(TransformsJson, PicturesThatWereResizedScaleTheirIntrinsics) {
   for (const auto& [width, height] : {std::pair{355, 270}, {1067, 790}, {400, 400}}) {
     ListedView view = listed;
     expect_error(Status::input, {"1067 x 800", fmt::format("{} x {}", width, height), "shape"},
-                 [&] { resolve_intrinsics(view, width, height); });
+                 [&, width = width, height = height] { resolve_intrinsics(view, width, height); });
   }
 }
 
