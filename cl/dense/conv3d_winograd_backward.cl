@@ -9,14 +9,22 @@
 // 2 t + 1, or of the last one and 0. [tiles] stands for the number of tiles in terms.
 #define IN_TERM (2 / TERMS_OF(2))  // tiles of a term
 
-// B^T d B of a tile: d [36], at position z and channels c .. c + 15, of which `width` exist.
-static inline void tile_in(global const float* x, int C, int X, int Y, int Z, int tile, int z, int c, int width,
-                           float16* d) {
+// Joins two neighbouring tiles' numbers [36], as bits of words.
+#ifdef PAIRS
+static inline void join_tiles(float16* first, const float16* second) {
+  for (int i = 0; i < 36; ++i) first[i] = as_float16(pairs_of(first[i], second[i]));
+}
+#endif
+
+// B^T d B of a tile: d [36], at position z and channels c .. c + 15, of which `width` exist; zeros if not `exists`.
+static inline void tile_in(global const float* x, int C, int X, int Y, int Z, int tile, int exists, int z, int c,
+                           int width, float16* d) {
   const int TY = DIV_UP(Y, 4), x0 = 4 * (tile / TY) - 1, y0 = 4 * (tile % TY) - 1;
   for (int i = 0; i < 36; ++i) {
     const int px = x0 + i / 6, py = y0 + i % 6;
-    d[i] = px >= 0 && px < X && py >= 0 && py < Y ? load_part(x + ((size_t)(px * Y + py) * Z + z) * C + c, width)
-                                                  : (float16)(0.0f);
+    d[i] = exists && px >= 0 && px < X && py >= 0 && py < Y
+               ? load_part(x + ((size_t)(px * Y + py) * Z + z) * C + c, width)
+               : (float16)(0.0f);
   }
 #pragma unroll
   for (int i = 0; i < 6; ++i) transform_in(d + 6 * i, d + 6 * i, 1);
@@ -24,15 +32,15 @@ static inline void tile_in(global const float* x, int C, int X, int Y, int Z, in
   for (int i = 0; i < 6; ++i) transform_in(d + i, d + i, 6);
 }
 
-// A dy A^T of a tile: e [36], at position z and outputs n .. n + 15, of which `width` exist.
-static inline void tile_out(global const float* dy, int N, int X, int Y, int Z, int tile, int z, int n, int width,
-                            float16* e) {
+// A dy A^T of a tile: e [36], at position z and outputs n .. n + 15, of which `width` exist; zeros if not `exists`.
+static inline void tile_out(global const float* dy, int N, int X, int Y, int Z, int tile, int exists, int z, int n,
+                            int width, float16* e) {
   const int TY = DIV_UP(Y, 4), x0 = 4 * (tile / TY), y0 = 4 * (tile % TY);
   float16 d[16], half_way[24];
   for (int i = 0; i < 16; ++i) {
     const int px = x0 + i / 4, py = y0 + i % 4;
-    d[i] = px < X && py < Y && width > 0 ? load_part(dy + ((size_t)(px * Y + py) * Z + z) * N + n, width)
-                                         : (float16)(0.0f);
+    d[i] = exists && px < X && py < Y && width > 0 ? load_part(dy + ((size_t)(px * Y + py) * Z + z) * N + n, width)
+                                                   : (float16)(0.0f);
   }
 #pragma unroll
   for (int i = 0; i < 4; ++i) transform_out_backward(d + i, 4, half_way + i, 4);
@@ -54,12 +62,11 @@ kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);
     float16 d[36];
-    tile_in(x, C, X, Y, Z, tile0 + t, z, c, width, d);
+    tile_in(x, C, X, Y, Z, tile0 + t, 1, z, c, width, d);
 #ifdef PAIRS
     float16 second[36];
-    for (int i = 0; i < 36; ++i) second[i] = (float16)(0.0f);
-    if (t + 1 < tiles) tile_in(x, C, X, Y, Z, tile0 + t + 1, z, c, width, second);
-    for (int i = 0; i < 36; ++i) d[i] = as_float16(pairs_of(d[i], second[i]));
+    tile_in(x, C, X, Y, Z, tile0 + t + 1, t + 1 < tiles, z, c, width, second);
+    join_tiles(d, second);
 #endif
     for (int i = 0; i < 36; ++i) store_part(d[i], width, to + i * step + c);
   }
@@ -80,12 +87,11 @@ kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, i
   for (int n = 0; n < NP; n += 16) {
     const int width = min(16, N - n);
     float16 all[36];
-    tile_out(dy, N, X, Y, Z, tile0 + t, z, n, width, all);
+    tile_out(dy, N, X, Y, Z, tile0 + t, 1, z, n, width, all);
 #ifdef PAIRS
     float16 second[36];
-    for (int i = 0; i < 36; ++i) second[i] = (float16)(0.0f);
-    if (t + 1 < tiles) tile_out(dy, N, X, Y, Z, tile0 + t + 1, z, n, width, second);
-    for (int i = 0; i < 36; ++i) all[i] = as_float16(pairs_of(all[i], second[i]));
+    tile_out(dy, N, X, Y, Z, tile0 + t + 1, t + 1 < tiles, z, n, width, second);
+    join_tiles(all, second);
 #endif
     for (int i = 0; i < 36; ++i) vstore16(all[i], 0, to + i * step + n);
   }

@@ -82,11 +82,9 @@ using Bad = std::function<void(int view, const std::string& name, const Error& e
 ListedView checked(const Photographs& photographs, int index) {
   const ListedView& view = photographs.set.views[index];
   need_good(view);
-  if (view.picture.empty()) {
-    const std::string& looked = photographs.set.looked_for;  // for the first missing picture of the set
-    const bool here = looked.starts_with("looked for " + printable(view.name) + " in ");
-    fail(Status::file, "its picture is missing{}", here ? fmt::format(" ({})", looked) : "");
-  }
+  if (view.picture.empty())
+    fail(Status::file, "its picture is missing{}",
+         view.name == photographs.set.first_missing ? fmt::format(" ({})", photographs.set.looked_for) : "");
   if (view.mask && !is_file(*view.mask)) fail(Status::file, "its mask is missing: {}", view.mask->string());
   return resolved_view(photographs, index);
 }

@@ -96,7 +96,7 @@ void take_pictures(ViewSet& set, const Search& found, ListedFiles& where) {
     view.picture = found.files[i].path;
     if (view.picture.empty()) {
       if (set.looked_for.empty() && view.problem.empty() && !view.name.empty())
-        set.looked_for = where.where_looked(view.name);
+        set.first_missing = view.name, set.looked_for = where.where_looked(view.name);
       continue;
     }
     // The path is written with backslashes, as on Windows.
@@ -130,7 +130,8 @@ fs::path find_colmap_pictures(ViewSet& set, const ReadOptions& options, const st
   if (most.count == 0) {
     ListedFiles everywhere(places);
     for (const ListedView& view : set.views)
-      if (view.problem.empty() && set.looked_for.empty()) set.looked_for = everywhere.where_looked(view.name);
+      if (view.problem.empty() && set.looked_for.empty())
+        set.first_missing = view.name, set.looked_for = everywhere.where_looked(view.name);
     return options.pictures_dir;
   }
   roots.add(folder);

@@ -47,9 +47,9 @@ struct ViewSet {
   std::filesystem::path points = {};  // a PLY file of sparse points (ply_file_path of transforms.json), or ""
   bool lists_masks = false;           // the list itself names masks
   bool leaves_out_bad = false;        // set for BadViews::leave_out
-  // For messages, "" if there is nothing to report: where a missing picture was searched for, how many masks were
-  // found, and the choices among several files.
-  std::string looked_for = {}, masks_found = {};
+  // For messages, "" if there is nothing to report: the first missing picture's name in the list and where it was
+  // searched for, how many masks were found, and the choices among several files.
+  std::string first_missing = {}, looked_for = {}, masks_found = {};
   std::vector<std::string> choices = {};
 };
 

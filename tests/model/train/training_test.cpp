@@ -9,6 +9,7 @@
 #include "model/diagnose/selftest/reference/adamw.h"
 #include "model/diagnose/selftest/reference/muon.h"
 #include "model/networks/params/params.h"
+#include "model/networks/vsplat/vsplat_model.h"
 #include "model/render/render_backward.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"
@@ -45,13 +46,6 @@ ForwardOptions options_of(Context& ctx, const Golden& golden) {
   return out;
 }
 
-GaussianGradients cotangent(Context& ctx, const Golden& golden, const std::string& level) {
-  const auto part = [&](const char* name) {
-    return test::golden_upload(ctx, golden, "cotangent." + level + "." + name);
-  };
-  return {part("means"), part("scales"), part("quats"), part("opacities"), part("sh")};
-}
-
 bool all_zero(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return v == 0; });
 }
@@ -74,8 +68,8 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
     VsplatModel::Trained trained =
         model.fine_in_training(ctx, model.coarse_in_training(ctx, views.inputs, cameras, options, recompute), options);
     const bool one_level = golden.config().levels == "coarse";
-    model.backward(ctx, trained, cotangent(ctx, golden, "coarse"),
-                   one_level ? GaussianGradients() : cotangent(ctx, golden, "final"), {},
+    model.backward(ctx, trained, test::golden_cotangent(ctx, golden, "coarse"),
+                   one_level ? GaussianGradients() : test::golden_cotangent(ctx, golden, "final"), {},
                    trained.rays ? test::golden_upload(ctx, golden, "cotangent.plucker") : Tensor());
   };
   run(false);

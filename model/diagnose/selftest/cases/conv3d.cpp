@@ -1,4 +1,5 @@
 #include <array>
+#include <optional>
 
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/pairs.h"
@@ -15,12 +16,17 @@ constexpr double kPairsTolerance = 2e-2, kPairsWeightsTolerance = 3e-2;
 
 const float* or_null(const std::vector<float>& v) { return v.empty() ? nullptr : v.data(); }
 
-void conv3d_of(Checks& c, const ConvTry& t, ConvMethod method) {
+// `pairs`: of rounded operands, in the cpu flavour.
+void conv3d_of(Checks& c, const ConvTry& t, ConvMethod method, bool pairs = false) {
+  std::optional<AlwaysPairs> always;
+  if (pairs) always.emplace();
   // Winograd's transforms triple the rounding of float32 sums.
-  const double tolerance = method == ConvMethod::winograd ? 2e-5 : 1e-5;
+  const double tolerance = pairs ? kPairsTolerance : method == ConvMethod::winograd ? 2e-5 : 1e-5;
   const ref::ConvCase want = make_conv_case(t);
   const long cin = t.cin + t.c1, rows = want.in.rows;
-  const auto dy = random_floats(size_of(rows, t.cout), 73), before = random_floats(want.w.size(), 74);
+  const auto dy = random_floats(size_of(rows, t.cout), 73);
+  // Zeros under the coarse tolerance of pairs, which is relative to the largest sum.
+  const auto before = pairs ? std::vector<float>(want.w.size()) : random_floats(want.w.size(), 74);
   const auto forward = [&](const ConvWeights& weights, const char* what) {
     Conv3dForward f;
     f.in = upload_rows(c.ctx, want.in), f.x = t.size[0], f.y = t.size[1], f.z = t.size[2], f.weights = &weights;
@@ -34,12 +40,11 @@ void conv3d_of(Checks& c, const ConvTry& t, ConvMethod method) {
   const Tensor w = c.up({t.cout, cin, 3, 3, 3}, want.w);
   const Tensor bias = t.bias ? c.up({t.cout}, want.bias) : Tensor();
   const ConvWeights packed = pack_conv3d(c.ctx, w, bias, "weight", method);
-  const auto on_host =
-      c.ctx.read<float>(pack_conv3d(c.ctx, want.w.data(), nullptr, t.cout, cin, "weight", method).w.data);
-  if (method == ConvMethod::winograd)  // which alone are computed, in float rather than double
-    c.close("packed on the device", packed.w.data, on_host, 1e-6);
-  else
-    c.equal("packed on the device", packed.w.data, on_host);
+  const Tensor on_host = pack_conv3d(c.ctx, want.w.data(), nullptr, t.cout, cin, "weight", method).w.data;
+  if (method == ConvMethod::direct)
+    c.equal("packed on the device", packed.w.data, c.ctx.read<float>(on_host));
+  else if (!pairs)  // computed in float rather than double; a rounding to pairs may go the other way
+    c.close("packed on the device", packed.w.data, c.ctx.read<float>(on_host), 1e-6);
   c.keep();
   forward(packed, "forward, packed on the device");
   const ref::ConvGradient by = ref::conv_backward(want, dy);
@@ -51,7 +56,7 @@ void conv3d_of(Checks& c, const ConvTry& t, ConvMethod method) {
   conv3d_backward_weights(c.ctx, g);
   auto sums = by.dw;
   for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += before[i];
-  c.close("backward, dw", g.dw, sums, tolerance);
+  c.close("backward, dw", g.dw, sums, pairs ? kPairsWeightsTolerance : tolerance);
   c.close("backward, dbias", g.dbias, by.dbias, 1e-5);
   Conv3dBackwardInputs b;
   b.w = w, b.x = t.size[0], b.y = t.size[1], b.z = t.size[2], b.method = method;
@@ -103,40 +108,6 @@ void conv3d_winograd_all(Checks& c) {
   if (!c.ctx.switched_off().winograd) conv3d_by(c, ConvMethod::winograd);
 }
 
-// Pairs of rounded operands in the cpu flavour, packed on the host and on the device, of either order of channels.
-void conv3d_pairs_of(Checks& c, const ConvTry& t) {
-  const AlwaysPairs always;
-  const ref::ConvCase want = make_conv_case(t);
-  const long cin = t.cin + t.c1, rows = want.in.rows;
-  const Tensor w = c.up({t.cout, cin, 3, 3, 3}, want.w);
-  for (const bool on_host : {true, false}) {
-    const ConvWeights weights =
-        on_host ? pack_conv3d(c.ctx, want.w.data(), or_null(want.bias), t.cout, cin, "weight", ConvMethod::winograd)
-                : pack_conv3d(c.ctx, w, t.bias ? c.up({t.cout}, want.bias) : Tensor(), "weight", ConvMethod::winograd);
-    c.keep();
-    Conv3dForward f;
-    f.in = upload_rows(c.ctx, want.in), f.x = t.size[0], f.y = t.size[1], f.z = t.size[2], f.weights = &weights;
-    if (t.residual) f.residual = c.up({rows, t.cout}, want.residual);
-    f.out = c.gap({rows, t.cout});
-    conv3d_forward(c.ctx, f);
-    c.close(
-        "pairs, forward", f.out, [&] { return want.all(); }, kPairsTolerance);
-  }
-  const auto dy = random_floats(size_of(rows, t.cout), 73);
-  Conv3dBackwardInputs b;
-  b.w = w, b.x = t.size[0], b.y = t.size[1], b.z = t.size[2], b.method = ConvMethod::winograd;
-  b.dy = c.up({rows, t.cout}, dy), b.dx = c.gap({rows, cin});
-  conv3d_backward_inputs(c.ctx, b);
-  c.close(
-      "pairs, backward, dx", b.dx, [&] { return ref::conv_backward(want, dy).dx; }, kPairsTolerance);
-  Conv3dBackwardWeights g;
-  g.in = upload_rows(c.ctx, want.in), g.x = t.size[0], g.y = t.size[1], g.z = t.size[2], g.method = b.method;
-  g.dy = b.dy, g.dw = c.zeros({t.cout, cin, 3, 3, 3});
-  conv3d_backward_weights(c.ctx, g);
-  c.close(
-      "pairs, backward, dw", g.dw, [&] { return ref::conv_backward(want, dy).dw; }, kPairsWeightsTolerance);
-}
-
 void conv3d_pairs_all(Checks& c) {
   if (!multiplies_pairs(c) || c.ctx.switched_off().winograd) return;
   for (const ConvTry& t :
@@ -147,15 +118,15 @@ void conv3d_pairs_all(Checks& c) {
                {{3, 3, 5}, 17, 33},
                {{5, 5, 4}, 34, 65}},
               {{{4, 1, 12}, 15, 33}, {{5, 9, 25}, 31, 6}, {{5, 9, 5}, 65, 67}, {{2, 3, 1100}, 2, 1}}))
-    conv3d_pairs_of(c, t);
+    conv3d_of(c, t, ConvMethod::winograd, true);
   for (const long c1 : {5L, 16L}) {
     ConvTry all{{4, 3, 13}, 16, 20, c1};
     all.affine = all.silu = all.residual = true;
-    conv3d_pairs_of(c, all);
+    conv3d_of(c, all, ConvMethod::winograd, true);
   }
   ConvTry odd{{4, 3, 13}, 13, 20, 6};
   odd.silu = true;
-  conv3d_pairs_of(c, odd);
+  conv3d_of(c, odd, ConvMethod::winograd, true);
 }
 
 void conv3d_down_of(Checks& c, const std::array<long, 3>& size, long cin, long cout) {

@@ -88,7 +88,7 @@ Assimp::IOStream* MeshFiles::Open(const char* path, const char* mode) {
     std::string text(bytes->begin(), bytes->end());
     if (!obj) return new Stream(materials_.take(path, std::move(text)));
     clean_lines(text);
-    split_libraries(text);
+    text = split_libraries(text);
     materials_.look_for_uses(path, text);
     return new Stream(std::move(text));
   }

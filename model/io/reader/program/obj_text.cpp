@@ -21,6 +21,10 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blanks) - first + 1);
 }
 
+std::string_view trimmed_left(std::string_view text) {
+  return text.substr(std::min(text.find_first_not_of(blanks), text.size()));
+}
+
 // Removes and returns the first word.
 std::string_view take_word(std::string_view& text) {
   text = trimmed(text);
@@ -88,16 +92,23 @@ void clean_lines(std::string& text) {
   text.resize(to);
 }
 
-void split_libraries(std::string& text) {
+std::string split_libraries(std::string_view text) {
   constexpr std::string_view word = "mtllib ", ending = ".mtl";
-  for (std::size_t at = 0; at < text.size(); at = std::min(text.find('\n', at), text.size()) + 1) {
-    if (!std::string_view(text).substr(at).starts_with(word)) continue;
-    for (std::size_t i = at + word.size(); i < text.size() && text[i] != '\n'; ++i)
-      if (blanks.find(text[i]) != blanks.npos && lower(text.substr(i - ending.size(), ending.size())) == ending) {
-        text.replace(i, std::min(text.find_first_not_of(blanks, i), text.size()) - i, "\n" + std::string(word));
-        i += word.size();
+  std::string out;
+  out.reserve(text.size());
+  while (!text.empty()) {
+    std::string_view line = text.substr(0, std::min(text.find('\n'), text.size() - 1) + 1);
+    text.remove_prefix(line.size());
+    if (line.starts_with(word))
+      for (std::size_t at = word.size(); (at = line.find_first_of(blanks, at)) != line.npos; ++at) {
+        if (at < ending.size() || lower(line.substr(at - ending.size(), ending.size())) != ending) continue;
+        out.append(line.substr(0, at)).append("\n").append(word);
+        line = trimmed_left(line.substr(at));
+        at = 0;
       }
+    out.append(line);
   }
+  return out;
 }
 
 struct MtlMaterials::Line {

@@ -25,9 +25,9 @@ struct MtlMaterial {
 // Removes a byte order mark, carriage returns and blanks at the ends of lines.
 void clean_lines(std::string& text);
 
-// Gives every material file of an OBJ file's clean text a line of its own: assimp takes the rest of a mtllib line for
-// one name. Names may hold blanks, so a line is only split between names that end in .mtl.
-void split_libraries(std::string& text);
+// An OBJ file's clean text with a line for each material file: assimp takes the rest of a mtllib line for one name.
+// Names may hold blanks, so a line is only split between names that end in .mtl.
+std::string split_libraries(std::string_view text);
 
 // The materials of all MTL files of a mesh.
 class MtlMaterials {

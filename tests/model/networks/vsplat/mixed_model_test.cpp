@@ -11,7 +11,6 @@
 #include "tests/support/compare.h"
 #include "tests/support/golden_inputs.h"
 #include "tests/support/mixed.h"
-#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -53,16 +52,7 @@ double off_by(const std::vector<float>& got, const std::vector<float>& want) {
   return got.size() == want.size() ? std::sqrt(error / all) : INFINITY;
 }
 
-class MixedModel : public ::testing::TestWithParam<std::tuple<const char*, test::MixedUnit>> {
- protected:
-  void SetUp() override {
-    const std::string why = test::cannot_multiply(std::get<1>(GetParam()));
-    if (!why.empty()) GTEST_SKIP() << why;
-  }
-  static std::unique_ptr<Context> open() { return test::open_mixed(std::get<1>(GetParam())); }
-  static const char* model() { return std::get<0>(GetParam()); }
-  test::Variable every_product_{"VSPLAT_MATRIX_LEAST", "1"};
-};
+class MixedModel : public test::MixedTest {};
 
 // About twice the errors measured with these vectors.
 constexpr StageBound kBounds[] = {
@@ -74,8 +64,8 @@ constexpr StageBound kBounds[] = {
     {"final.opacities", {2.2e-3, 3.2e-3}}};
 
 TEST_P(MixedModel, EveryStageIsWithinItsBound) {
-  VSPLAT_NEED_GOLDEN(model());
-  const Golden golden = Golden::load(model());
+  VSPLAT_NEED_GOLDEN(name());
+  const Golden golden = Golden::load(name());
   const auto ctx = open();
   const MixedStages stages = run_mixed(*ctx, golden);
   double largest = 0;
@@ -90,8 +80,8 @@ TEST_P(MixedModel, EveryStageIsWithinItsBound) {
 }
 
 TEST_P(MixedModel, ThreeRunsGiveTheSameBits) {
-  VSPLAT_NEED_GOLDEN(model());
-  const Golden golden = Golden::load(model());
+  VSPLAT_NEED_GOLDEN(name());
+  const Golden golden = Golden::load(name());
   const auto ctx = open(), other = open();
   const MixedStages first = run_mixed(*ctx, golden);
   EXPECT_EQ(run_mixed(*ctx, golden), first);
@@ -100,9 +90,7 @@ TEST_P(MixedModel, ThreeRunsGiveTheSameBits) {
 
 INSTANTIATE_TEST_SUITE_P(Units, MixedModel,
                          ::testing::Combine(::testing::Values("micro", "tiny", "tiny_paper"), test::kMixedUnits),
-                         [](const auto& info) {
-                           return std::string(std::get<0>(info.param)) + "_" + std::get<1>(info.param).name();
-                         });
+                         test::mixed_name);
 
 }  // namespace
 }  // namespace vsplat
