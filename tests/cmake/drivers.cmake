@@ -12,59 +12,50 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
     # would record a full call stack, which searches for frames again. So the sanitizer must not record full stacks, nor search for leaks.
     list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:intercept_tls_get_addr=0:detect_leaks=0")
   endif()
-  add_test(NAME rusticl.network
-    COMMAND network_tests --gtest_filter=*GoldenModel*micro:*GoldenModel*_tiny:*GoldenModel*tiny_noise:*GoldenModel*tiny_views6:*Model/Model.*:*Dinov3*micro_square:*RayPredictor*micro_predictor)
-  set_tests_properties(rusticl.network PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 FIXTURES_REQUIRED golden_tiny
-    FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
-    ENVIRONMENT "${on_rusticl}")
-  add_test(NAME rusticl.lara COMMAND lara_tests --gtest_filter=Kernels/LaraVectors.*lara_micro:*Lara/Lara.*)
-  add_test(NAME rusticl.lara_tiny COMMAND lara_tests --gtest_filter=Kernels/LaraVectors.*lara_tiny)
-  add_test(NAME rusticl.genden COMMAND genden_tests --gtest_filter=Kernels/GendenVectors.*genden_micro)
-  add_test(NAME rusticl.genden_tiny COMMAND genden_tests --gtest_filter=Kernels/*Vectors.*genden_tiny)
-  add_test(NAME rusticl.surface_loss COMMAND ops_tests --gtest_filter=*SurfaceLossOp*)
-  set_tests_properties(rusticl.lara rusticl.lara_tiny rusticl.genden rusticl.genden_tiny rusticl.surface_loss PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200
-    FIXTURES_REQUIRED golden_tiny FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
-    ENVIRONMENT "${on_rusticl}")
+  function(vsplat_rusticl_test name program filter)
+    add_test(NAME rusticl.${name} COMMAND ${program} --gtest_filter=${filter})
+    set_tests_properties(rusticl.${name} PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 ${ARGN} ENVIRONMENT "${on_rusticl}"
+      FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}")
+  endfunction()
+  set(tiny FIXTURES_REQUIRED golden_tiny)
+  vsplat_rusticl_test(network network_tests
+    *GoldenModel*micro:*GoldenModel*_tiny:*GoldenModel*tiny_noise:*GoldenModel*tiny_views6:*Model/Model.*:*Dinov3*micro_square:*RayPredictor*micro_predictor
+    ${tiny})
+  vsplat_rusticl_test(lara lara_tests Kernels/LaraVectors.*lara_micro:*Lara/Lara.* ${tiny})
+  vsplat_rusticl_test(lara_tiny lara_tests Kernels/LaraVectors.*lara_tiny ${tiny})
+  vsplat_rusticl_test(genden genden_tests Kernels/GendenVectors.*genden_micro ${tiny})
+  vsplat_rusticl_test(genden_tiny genden_tests Kernels/*Vectors.*genden_tiny ${tiny})
   # These two take minutes.
   set_tests_properties(rusticl.genden_tiny rusticl.lara_tiny PROPERTIES LABELS "model;drivers;slow" TIMEOUT 1800)
-  add_test(NAME rusticl.profile COMMAND runtime_tests --gtest_filter=*ProfilesTimesThatCanBe)
-  add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*:CommittedSurfels/RenderGolden.*)
-  add_test(NAME rusticl.gradient COMMAND splat_tests --gtest_filter=Committed/RenderBackwardGolden.*:CommittedSurfels/RenderBackwardGolden.*:*IsZeroWhereTheLossIs*)
-  set_tests_properties(rusticl.profile rusticl.render rusticl.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 300 COST 200
-    FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
-    ENVIRONMENT "${on_rusticl}")
+  vsplat_rusticl_test(surface_loss ops_tests *SurfaceLossOp* ${tiny})
+  vsplat_rusticl_test(profile runtime_tests *ProfilesTimesThatCanBe TIMEOUT 300)
+  vsplat_rusticl_test(render splat_tests Committed/RenderGolden.*:CommittedSurfels/RenderGolden.* TIMEOUT 300)
+  vsplat_rusticl_test(gradient splat_tests Committed/RenderBackwardGolden.*:CommittedSurfels/RenderBackwardGolden.*:*IsZeroWhereTheLossIs* TIMEOUT 300)
 else()
   vsplat_left_out("No rusticl (Debian: mesa-opencl-icd): its tests are left out")
 endif()
 find_program(OCLGRIND oclgrind)
 if(OCLGRIND AND NOT VSPLAT_SANITIZE)
-  foreach(flavour cpu gpu)
-    add_test(NAME oclgrind.network.${flavour}
-      COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*GoldenModel*${flavour}_micro)
-  endforeach()
-  add_test(NAME oclgrind.render
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
-  add_test(NAME oclgrind.gradient
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*seventeen)
+  # By default oclgrind reports errors and continues; here every report is a failure.
+  function(vsplat_oclgrind_test name program filter)
+    add_test(NAME oclgrind.${name} COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:${program}> --gtest_filter=${filter})
+    set_tests_properties(oclgrind.${name} PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200 SKIP_REGULAR_EXPRESSION "${some_skipped}"
+      FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
+  endfunction()
+  vsplat_oclgrind_test(network.cpu network_tests *GoldenModel*cpu_micro)
+  vsplat_oclgrind_test(network.gpu network_tests *GoldenModel*gpu_micro)
+  vsplat_oclgrind_test(render splat_tests Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
+  vsplat_oclgrind_test(gradient splat_tests Committed/RenderBackwardGolden.*seventeen)
   # The gradient tests of these scenes include drawing.
-  add_test(NAME oclgrind.more_scenes
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*seventeen:Committed/RenderBackwardGolden.*_one)
-  add_test(NAME oclgrind.surfels
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=CommittedSurfels/RenderBackwardGolden.*prime)
-  add_test(NAME oclgrind.extensions
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*Dinov3*cpu_dinov3_micro_square)
-  add_test(NAME oclgrind.predictor
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*RayPredictorVectors*cpu_share_micro_predictor)
+  vsplat_oclgrind_test(more_scenes splat_tests Committed/RenderGolden.*seventeen:Committed/RenderBackwardGolden.*_one)
+  vsplat_oclgrind_test(surfels splat_tests CommittedSurfels/RenderBackwardGolden.*prime)
+  vsplat_oclgrind_test(extensions network_tests *Dinov3*cpu_dinov3_micro_square)
+  vsplat_oclgrind_test(predictor network_tests *RayPredictorVectors*cpu_share_micro_predictor)
   foreach(system lara genden)
     foreach(what EveryStage EveryGradient)
-      add_test(NAME oclgrind.${system}.${what}
-        COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:${system}_tests> --gtest_filter=*Vectors.${what}Matches/cpu_${system}_micro)
+      vsplat_oclgrind_test(${system}.${what} ${system}_tests *Vectors.${what}Matches/cpu_${system}_micro)
     endforeach()
   endforeach()
-  # By default oclgrind reports errors and continues; here every report is a failure.
-  set_tests_properties(oclgrind.lara.EveryStage oclgrind.lara.EveryGradient oclgrind.genden.EveryStage oclgrind.genden.EveryGradient oclgrind.extensions oclgrind.predictor oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.more_scenes oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
-    SKIP_REGULAR_EXPRESSION "${some_skipped}"
-    FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
   # Takes half a minute to two: all items of a work-group are interpreted, and so small a network fills little of its tiles.
   set_tests_properties(oclgrind.predictor oclgrind.gradient oclgrind.more_scenes oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryStage
     oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
@@ -79,10 +70,9 @@ if(NOT CLANG_15 OR NOT EXISTS /usr/lib/clc/nvptx64--.bc)
   vsplat_left_out("No clang-15 or libclc-15 (Debian 12 has them), by which the table of GPU compilers was made: gpu_static* are left out")
 elseif(NOT VSPLAT_SANITIZE)
   set(gpu_table ${PROJECT_SOURCE_DIR}/bench/results/gpu-compilers.txt)
-  add_test(NAME gpu_static COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/gpu/run.sh $<TARGET_FILE:vsplat_cli> ${PROJECT_BINARY_DIR}/gpu_static
-    --baseline ${gpu_table})
-  add_test(NAME gpu_static_anew COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/gpu/run.sh $<TARGET_FILE:vsplat_cli> ${PROJECT_BINARY_DIR}/gpu_static
-    --baseline ${gpu_table} --anew)
+  set(static_check ${CMAKE_CURRENT_SOURCE_DIR}/gpu/run.sh $<TARGET_FILE:vsplat_cli> ${PROJECT_BINARY_DIR}/gpu_static --baseline ${gpu_table})
+  add_test(NAME gpu_static COMMAND ${static_check})
+  add_test(NAME gpu_static_anew COMMAND ${static_check} --anew)
   set_tests_properties(gpu_static_anew PROPERTIES LABELS "drivers;slow" TIMEOUT 1800 SKIP_RETURN_CODE 77 PROCESSORS 2 DEPENDS gpu_static
     ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
   add_test(NAME gpu_static_check COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/gpu/static_check_test.py)

@@ -19,13 +19,9 @@ endforeach()
 vsplat_limits_test(parts ops flops=1e5,grid=5 "*")
 vsplat_limits_test(parts runtime flops=1e5,grid=5 "${runtime_with_variants}")
 foreach(limit groups_of_128 groups_of_64 local_memory_of_32k local_memory_of_16k small_buffers no_doubles wide_alignment sizes_of_32_bits parts few_groups_a_side bad_limits)
-  add_test(NAME cli_limits.${limit} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/limits_test.py Limits.test_${limit})
-  set_tests_properties(cli_limits.${limit} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
-    ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+  vsplat_cli_test(cli_limits.${limit} limits_test.py Limits.test_${limit} LABELS cli)
 endforeach()
-add_test(NAME cli_limits.planned COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/limits_test.py Planned)
-set_tests_properties(cli_limits.planned PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
-  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+vsplat_cli_test(cli_limits.planned limits_test.py Planned LABELS cli)
 set_tests_properties(limits.ops.groups_of_64 limits.ops.local_16k limits.ops.local_32k limits.ops.others limits.ops.parts limits.runtime.local_32k
   limits.runtime.others PROPERTIES LABELS "unit;slow")
 set_tests_properties(cli_limits.groups_of_64 cli_limits.local_memory_of_32k cli_limits.no_doubles cli_limits.wide_alignment
