@@ -2,6 +2,7 @@
 not create is touched."""
 import json
 import os
+import pathlib
 import random
 import resource
 import shutil
@@ -16,8 +17,7 @@ import train_support
 class Outputs(train_support.Case):
     def put(self, *parts, text="mine"):
         os.makedirs(os.path.dirname(self.path(*parts)), exist_ok=True)
-        with open(self.path(*parts), "w") as f:
-            f.write(text)
+        pathlib.Path(self.path(*parts)).write_text(text)
         return self.path(*parts)
 
     def test_a_training_replaces_nothing_unasked(self):
@@ -164,8 +164,7 @@ class Sets(support.Case):
         for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)):
             process = self.begun()
             os.makedirs(self.path("set", "solid_0000"))
-            with open(self.path("set", "solid_0000", "transforms.json"), "w") as f:
-                f.write("another's")
+            pathlib.Path(self.path("set", "solid_0000", "transforms.json")).write_text("another's")
             process.send_signal(number)
             _, err = process.communicate(timeout=60)
             self.assertEqual(process.returncode, code, err)
@@ -177,8 +176,7 @@ class Sets(support.Case):
         process = self.start(*self.solids(views=60, size=64))
         self.wait_for(self.path("set", ".solid_0000.unfinished", "images", "0001.png"), process)
         os.makedirs(self.path("set", "solid_0000"))
-        with open(self.path("set", "solid_0000", "transforms.json"), "w") as f:
-            f.write("another's")
+        pathlib.Path(self.path("set", "solid_0000", "transforms.json")).write_text("another's")
         _, err = process.communicate(timeout=100)
         self.assertEqual(process.returncode, 1, err)
         self.assertIn("transforms.json: exists, and is kept", err)
@@ -214,8 +212,7 @@ class Sets(support.Case):
         before, after = self.files("set", "solid_0000"), self.files("new", "solid_0000")
         for parts in (("notes.txt",), ("images", "mine.png"), ("masks", "0000.png")):
             os.makedirs(os.path.dirname(self.path("set", "solid_0000", *parts)), exist_ok=True)
-            with open(self.path("set", "solid_0000", *parts), "w") as f:
-                f.write("mine")
+            pathlib.Path(self.path("set", "solid_0000", *parts)).write_text("mine")
         whole = self.files("set", "solid_0000")
         mine = {name: data for name, data in whole.items() if name not in before}
         self.assertEqual(len(mine), 4)

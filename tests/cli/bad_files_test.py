@@ -3,6 +3,7 @@ An option that --help lists and no row here tries is a failure."""
 import concurrent.futures
 import json
 import os
+import pathlib
 import random
 import re
 import shutil
@@ -141,10 +142,8 @@ class BadFiles(unittest.TestCase):
         rule.make_sound(at(), support.run, support.write_scene)
         with open(at("mesh.obj"), "w") as f:
             f.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 3/2 2/3\nf 1/1 2/2 4/3\nf 1/1 4/2 3/3\nf 2/1 3/2 4/3\n")
-        with open(at("list.txt"), "w") as f:
-            f.write(at("set", "object") + "\n")
-        with open(at("procedural.json"), "w") as f:
-            f.write('{"model": "micro", "steps": 1, "warmup": 1, "procedural": 1}')
+        pathlib.Path(at("list.txt")).write_text(at("set", "object") + "\n")
+        pathlib.Path(at("procedural.json")).write_text('{"model": "micro", "steps": 1, "warmup": 1, "procedural": 1}')
         with open(at("table.json"), "w") as f:
             json.dump({"systems": [{"name": "micro", "model": at("micro.safetensors")}], "data": [{"name": "one", "folders": [at("set")]}],
                        "views": [{"name": "four", "inputs": 4}]}, f)
@@ -190,12 +189,10 @@ class BadFiles(unittest.TestCase):
         def make(kind, data):
             out[kind] = os.path.join(folder, f"bad_{kind}{ending}")
             if data is not None:
-                with open(out[kind], "wb") as f:
-                    f.write(data)
+                pathlib.Path(out[kind]).write_bytes(data)
 
         def sound(name):
-            with open(self.sound[name] if name in self.sound else os.path.join(self.folder, "sound", name), "rb") as f:
-                return f.read()
+            return pathlib.Path(self.sound[name] if name in self.sound else os.path.join(self.folder, "sound", name)).read_bytes()
 
         make("missing", None)
         make("empty", b"")

@@ -19,8 +19,7 @@ def reversed_values(path, to, name, size=2):
     first, end = (begin + at for at in header[name]["data_offsets"])
     values = [data[at:at + size] for at in range(first, end, size)]
     text = json.dumps(header).encode()
-    with open(to, "wb") as f:
-        f.write(struct.pack("<Q", len(text)) + text + data[begin:first] + b"".join(reversed(values)) + data[end:])
+    pathlib.Path(to).write_bytes(struct.pack("<Q", len(text)) + text + data[begin:first] + b"".join(reversed(values)) + data[end:])
 
 
 def on_white(path):

@@ -1,7 +1,7 @@
 """vsplat dataset: data sets from meshes and from random solids."""
 import json
 import os
-import unittest
+import pathlib
 
 import support
 
@@ -15,8 +15,7 @@ class Dataset(support.Case):
 
     def mesh(self, *parts, text=OBJ):
         os.makedirs(os.path.dirname(self.path(*parts)), exist_ok=True)
-        with open(self.path(*parts), "w") as f:
-            f.write(text)
+        pathlib.Path(self.path(*parts)).write_text(text)
         return self.path(*parts)
 
     def render(self, *more):
@@ -31,8 +30,7 @@ class Dataset(support.Case):
         for name in "abc":
             self.assertEqual(sorted(os.listdir(self.path("set", name))), ["images", "transforms.json"])
             self.assertEqual(sorted(os.listdir(self.path("set", name, "images"))), ["0000.png", "0001.png", "0002.png"])
-            with open(self.path("set", name, "transforms.json")) as f:
-                views = json.load(f)
+            views = json.loads(pathlib.Path(self.path("set", name, "transforms.json")).read_text())
             self.assertEqual((views["aabb_center"], views["aabb_half"], len(views["frames"])), ([0, 0, 0], 0.5, 3))
             with open(self.path("set", name, "images", "0000.png"), "rb") as f:
                 self.assertEqual(f.read(26)[16:26], bytes([0, 0, 0, 16, 0, 0, 0, 16, 8, 6]))    # 16 x 16, 8 bits, RGBA
@@ -103,10 +101,8 @@ class Dataset(support.Case):
     def test_info_tells_what_is_bad(self):
         self.succeeds("dataset", "render", self.mesh("cup.obj"), self.mesh("dish.obj"), "--output", self.path("set"), "--views", 9, "--size", 16)
         os.remove(self.path("set", "cup", "images", "0004.png"))
-        with open(self.path("set", "cup", "images", "0001.png"), "wb") as f:
-            f.write(b"no picture")
-        with open(self.path("set", "dish", "transforms.json"), "w") as f:
-            f.write("{")
+        pathlib.Path(self.path("set", "cup", "images", "0001.png")).write_bytes(b"no picture")
+        pathlib.Path(self.path("set", "dish", "transforms.json")).write_text("{")
         told, err = self.info(self.path("set"), "--check", "--sheet", self.path("sheet.png"), code=1)
         self.assertEqual((told["views"], told["bad"]), (7, 3))
         self.assertIn("0001.png", told["objects"][0]["bad"][0])

@@ -2,6 +2,7 @@
 import glob
 import json
 import os
+import pathlib
 import re
 import shutil
 import signal
@@ -58,8 +59,7 @@ class Doctor(support.Case):
 
     def entry(self, name, line):
         path = self.path("vendors", name)
-        with open(path, "w") as f:
-            f.write(line)
+        pathlib.Path(path).write_text(line)
         return path
 
     def library(self, name, code, *flags):
@@ -74,8 +74,7 @@ class Doctor(support.Case):
     def whole_entry(self):
         """Returns one of this system's drivers that has a device, and its devices."""
         for path in sorted(glob.glob(USUAL + "/*.icd")):
-            with open(path) as f:
-                line = f.read()
+            line = pathlib.Path(path).read_text()
             copy = self.entry("whole.icd", line)
             _, told, _ = self.doctor()
             if told["devices"]:
@@ -143,8 +142,7 @@ class Doctor(support.Case):
         self.assertIn("it has no clGetExtensionFunctionAddress", found["found"])
 
     def test_a_library_that_cannot_be_loaded(self):
-        with open(self.path("libtext.so"), "w") as f:
-            f.write("no library\n")
+        pathlib.Path(self.path("libtext.so")).write_text("no library\n")
         entry = self.entry("text.icd", self.path("libtext.so") + "\n")
         _, told, _ = self.doctor()
         self.assertRegex(self.finding(told, "library_broken", entry)["found"], r"cannot be loaded: .*(file too short|invalid ELF header)")
@@ -192,8 +190,7 @@ class Doctor(support.Case):
                 doctor.wait(support.PATIENCE)
         finally:
             signal.signal(signal.SIGCHLD, before)
-        with open(self.path("told.json")) as f:
-            told = json.load(f)
+        told = json.loads(pathlib.Path(self.path("told.json")).read_text())
         self.assertIn("crashes when it is loaded", self.finding(told, "driver_crashes", quits)["found"])
         whole = next(d for d in told["drivers"] if d["entry"] != quits)
         self.assertEqual((whole["state"], sum(len(p["devices"]) for p in whole["platforms"])), ("loaded", len(devices)))

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import os
+import pathlib
 import random
 import struct
 
@@ -25,8 +26,7 @@ def write_alexnet(path, seed=1):
             values.extend(low + (high - low) * rng.random() for _ in range(count))
             at += 4 * count
     text = json.dumps(header).encode()
-    with open(path, "wb") as f:
-        f.write(struct.pack("<Q", len(text)) + text + values.tobytes())
+    pathlib.Path(path).write_bytes(struct.pack("<Q", len(text)) + text + values.tobytes())
 
 
 class Evaluate(support.Case):
@@ -76,8 +76,7 @@ class Evaluate(support.Case):
         path = self.path("table.json")
         usual = {"systems": [{"name": "a|b", "model": self.model}, {"name": "c,d", "model": self.model}], "data": [{"name": "solids", "folders": [self.set]}],
                  "views": [{"name": "all"}, {"name": "one", "inputs": 1, "protocol": "random10", "seed": 3}]}
-        with open(path, "w") as f:
-            json.dump({k: v for k, v in {**usual, **fields}.items() if v is not None}, f)
+        pathlib.Path(path).write_text(json.dumps({k: v for k, v in {**usual, **fields}.items() if v is not None}))
         return "evaluate", "--table", path
 
     def test_small_pictures_have_several_samples(self):
@@ -194,8 +193,7 @@ class Evaluate(support.Case):
     def test_bad_data(self):
         with open(os.path.join(self.set, "solid_0001", "images", "0005.png"), "r+b") as f:
             f.truncate(20)
-        with open(os.path.join(self.set, "solid_0002", "transforms.json"), "w") as f:
-            f.write("{")
+        pathlib.Path(os.path.join(self.set, "solid_0002", "transforms.json")).write_text("{")
         out, err = self.succeeds(*self.evaluate("--skip-bad", "--json"))
         self.assertEqual([o["name"] for o in json.loads(out)["objects"]], ["solid_0000", "solid_0001"])
         for words in ("0005", "solid_0002", "2 objects, 1 left out"):
@@ -204,8 +202,7 @@ class Evaluate(support.Case):
 
     def test_what_is_done_is_kept(self):
         whole = json.loads(self.succeeds(*self.evaluate("--json"))[0])
-        with open(os.path.join(self.set, "solid_0002", "transforms.json"), "w") as f:
-            f.write("{")
+        pathlib.Path(os.path.join(self.set, "solid_0002", "transforms.json")).write_text("{")
         code, out, err = support.run(*self.evaluate("--json"))
         self.assertEqual(code, 1)
         self.assertIn("solid_0002", err)
@@ -220,15 +217,13 @@ class Evaluate(support.Case):
 
     def test_frames_without_a_picture_are_passed_over(self):
         """Missing pictures are skipped as in reconstruct; a picture that exists and cannot be read is still an error."""
-        with open(os.path.join(self.set, "solid_0001", "transforms.json")) as f:
-            listed = json.load(f)
+        listed = json.loads(pathlib.Path(os.path.join(self.set, "solid_0001", "transforms.json")).read_text())
         for name in ("0003", "0005"):
             os.remove(os.path.join(self.set, "solid_0001", "images", name + ".png"))
         out, err = self.succeeds(*self.evaluate("--json"))
         self.assertIn("object solid_0001: 2 of 11 listed frames have no picture and are skipped (images/0003.png first)", err)
         listed["frames"] = [f for f in listed["frames"] if "0003" not in f["file_path"] and "0005" not in f["file_path"]]
-        with open(os.path.join(self.set, "solid_0001", "transforms.json"), "w") as f:
-            json.dump(listed, f)
+        pathlib.Path(os.path.join(self.set, "solid_0001", "transforms.json")).write_text(json.dumps(listed))
         self.assertEqual(self.succeeds(*self.evaluate("--json"))[0], out)
 
     def test_lpips(self):

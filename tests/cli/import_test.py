@@ -238,8 +238,7 @@ class Genden(support.Case):
     def test_a_configuration_is_dotted_or_nested(self):
         """--config: fields with dotted names, nested objects, the output of `weights info --json`, and a model file's metadata."""
         def imported(config):
-            with open(self.path("config.json"), "w") as f:
-                json.dump(config, f)
+            pathlib.Path(self.path("config.json")).write_text(json.dumps(config))
             self.succeeds("weights", "import", self.CHECKPOINT, "--config", self.path("config.json"), "--output", self.path("made.safetensors"), "--overwrite")
             return json.loads(self.succeeds("weights", "info", self.path("made.safetensors"), "--json")[0])
         dotted = imported({"densify.residual": True, "densify.non_leaf_ratio": 0.7})
@@ -248,8 +247,7 @@ class Genden(support.Case):
             self.assertEqual(imported(config)["config"], dotted["config"])
         for config, said in (({"densify": {"residul": True}}, "densify.residul"), ({"densify": {"residual": True}, "densify.residual": True}, "twice"),
                              ({"densify": 3}, "densify"), ({"config": 3}, "not a JSON object")):
-            with open(self.path("config.json"), "w") as f:
-                json.dump(config, f)
+            pathlib.Path(self.path("config.json")).write_text(json.dumps(config))
             self.refuses(1, ["config.json", said], "weights", "import", self.CHECKPOINT, "--config", self.path("config.json"), "--output", self.path("none.safetensors"))
 
 
@@ -260,8 +258,7 @@ class Mutations:
         self.random, self.more = random.Random(7), more
         self.broken = checkpoints.Broken(sound, self.path("canary"), self.random)
         self.succeeds("weights", "import", sound, "--output", self.path("right.safetensors"), *more)
-        with open(self.path("right.safetensors"), "rb") as f:
-            self.right = f.read()
+        self.right = pathlib.Path(self.path("right.safetensors")).read_bytes()
 
     def test_mutations(self):
         made = list(self.broken.certain())
@@ -274,8 +271,7 @@ class Mutations:
         for i in run:
             name, data = made[i]
             with self.subTest(name=name):
-                with open(target, "wb") as f:
-                    f.write(data)
+                pathlib.Path(target).write_bytes(data)
                 names = sorted(os.listdir(self.folder))
                 code, told, err = support.run("weights", "import", target, "--output", out, *self.more)
                 self.assertFalse(os.path.exists(self.broken.canary), "something was run")
@@ -298,8 +294,7 @@ class Mutations:
             data = bytearray(self.broken.pickle)
             at = self.random.randrange(len(data))
             data[at] = self.random.randrange(256)
-            with open(self.path("mutated.ckpt"), "wb") as f:
-                f.write(self.broken.with_pickle(bytes(data)))
+            pathlib.Path(self.path("mutated.ckpt")).write_bytes(self.broken.with_pickle(bytes(data)))
             code, _, err = support.run("weights", "import", self.path("mutated.ckpt"), "--output", self.path("out.safetensors"), "--overwrite", *self.more)
             self.assertIn(code, (0, 1, 2), err)
             self.assertFalse(os.path.exists(self.broken.canary))

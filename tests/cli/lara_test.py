@@ -76,14 +76,12 @@ class Lara(support.Case):
         data = pathlib.Path(self.scene()).read_bytes()
         begin = data.index(b"end_header\n") + len("end_header\n")
         for size in (begin - 20, begin + 7, len(data) - 1):
-            with open(self.path("cut.ply"), "wb") as f:
-                f.write(data[:size])
+            pathlib.Path(self.path("cut.ply")).write_bytes(data[:size])
             self.refuses(1, "cut.ply", "render", self.path("cut.ply"), "--cameras", "orbit:1", "--images", self.path("none"))
         bad = bytearray(data)
         columns = [line.split()[-1] for line in header_of(self.path("scene.ply")).splitlines() if line.startswith("property")]
         struct.pack_into("<f", bad, begin + 4 * columns.index("scale_1"), float("nan"))
-        with open(self.path("nan.ply"), "wb") as f:
-            f.write(bad)
+        pathlib.Path(self.path("nan.ply")).write_bytes(bad)
         self.refuses(1, ["Gaussian 0", "scale_1", "--skip-bad"], "render", self.path("nan.ply"), "--cameras", "orbit:1", "--images", self.path("none"))
         self.succeeds("render", self.path("nan.ply"), "--cameras", "orbit:1", "--images", self.path("some"), "--skip-bad")
 

@@ -66,8 +66,7 @@ class Pictures(support.Case):
             folder = self.path("jpg" + "".join(map(str, quality)))
             self.succeeds(*self.render("--images", folder, "--format", "jpg", *quality))
             self.assertEqual(sorted(os.listdir(folder)), ["0000.jpg", "0001.jpg", "0002.jpg"])
-            with open(os.path.join(folder, "0000.jpg"), "rb") as f:
-                data = f.read()
+            data = pathlib.Path(os.path.join(folder, "0000.jpg")).read_bytes()
             self.assertEqual((data[:3], data[-2:]), (b"\xff\xd8\xff", b"\xff\xd9"))
             sizes.append(len(data))
         self.assertTrue(sizes[1] < sizes[0] < sizes[2], sizes)
@@ -92,10 +91,8 @@ class Pictures(support.Case):
     def test_supersampling(self):
         """If a scene states its detail, a small picture of it is the mean of a finer one."""
         told = self.path("told.ply")
-        with open(self.path("scene.ply"), "rb") as f:
-            text = f.read()
-        with open(told, "wb") as f:
-            f.write(text.replace(b"end_header", b"comment vsplat detail 0.001 0 0 0\nend_header", 1))
+        text = pathlib.Path(self.path("scene.ply")).read_bytes()
+        pathlib.Path(told).write_bytes(text.replace(b"end_header", b"comment vsplat detail 0.001 0 0 0\nend_header", 1))
         def drawn(folder, scene, *more, size="24x24"):
             self.succeeds("render", scene, "--cameras", "orbit:3", "--size", size, "--images", self.path(folder), *more)
             return [support.read_png(self.path(folder, f"{i:04}.png"))[2] for i in range(3)]
@@ -123,8 +120,7 @@ class Pictures(support.Case):
         width, *at = map(float, told[0])
         for a, b in zip(at, (0.1, 0.2, 0.3)):
             self.assertAlmostEqual(a, b, 6)
-        with open(self.views) as f:
-            views = json.load(f)
+        views = json.loads(pathlib.Path(self.views).read_text())
         depths = []
         for frame in views["frames"]:
             m = frame["transform_matrix"]  # it looks along -z
@@ -298,8 +294,7 @@ class Pictures(support.Case):
         support.write_png(self.path("photos", "a.png"), 16, 16, [[(10, 200, 30)] * 8 + [(0, 0, 255)] * 8] * 16)
         support.write_png(self.path("photos", "masks", "a.png"), 16, 16, [[(0, 0, 0)] * 8 + [(255, 255, 255)] * 8] * 16)
         frame = {"file_path": "a.png", "mask_path": "masks/a.png", "transform_matrix": support.camera_to_world(0)}
-        with open(self.path("photos", "transforms.json"), "w") as f:
-            json.dump({"fl_x": 20, "w": 16, "h": 16, "frames": [frame]}, f)
+        pathlib.Path(self.path("photos", "transforms.json")).write_text(json.dumps({"fl_x": 20, "w": 16, "h": 16, "frames": [frame]}))
         how = {"folder": "photos", "cameras": self.path("photos"), "size": None}
         result, _ = self.compared("--background", "0,0,1", **how)
         self.assertIsNone(result["psnr"])                               # everything is background

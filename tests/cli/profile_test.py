@@ -1,6 +1,7 @@
 """Profiles of whole runs, a cold one, which compiles kernels, and a warm one, compared with a clock outside."""
 import json
 import os
+import pathlib
 import re
 import shutil
 import tempfile
@@ -21,8 +22,7 @@ class Profile(support.Case):
                 "VSPLAT_CACHE_DIR": self.path("kernels")}
 
     def read(self, name):
-        with open(self.path(name), "rb") as f:
-            return f.read()
+        return pathlib.Path(self.path(name)).read_bytes()
 
     def run_timed(self, name, env, *more):
         """Returns the profile, and the seconds measured outside."""
@@ -159,8 +159,7 @@ class Diff(unittest.TestCase):
                    "kernels": [kernel("gemm", "encoder", encoder), kernel("rasterize", "splat", splat)], "kernels_s": wall,
                    "stages": [stage("encoder", encoder), stage("splat", splat), stage("", tiny)], **changes}
         path = os.path.join(self.folder, name)
-        with open(path, "w") as f:
-            json.dump(profile, f)
+        pathlib.Path(path).write_text(json.dumps(profile))
         return path
 
     def diff(self, *arguments):
@@ -203,8 +202,7 @@ class Diff(unittest.TestCase):
         good = self.write("a.json")
         for text, word in (("{", "no JSON object"), ("[]", "no JSON object"), ("{}", "device"), ("[" * 100000, "profile")):
             path = os.path.join(self.folder, "bad.json")
-            with open(path, "w") as f:
-                f.write(text)
+            pathlib.Path(path).write_text(text)
             code, out, err = self.diff(good, path)
             self.assertEqual((code, out), (1, ""), err)
             self.assertIn("bad.json", err)

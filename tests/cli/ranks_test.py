@@ -2,6 +2,7 @@
 import glob
 import json
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
@@ -66,8 +67,7 @@ class Ranks(train_support.Case):
         shutil.copytree(self.solids, bad)
         for folder in sorted(os.listdir(bad)):
             for picture in glob.glob(os.path.join(bad, folder, "**", "*.png"), recursive=True):
-                with open(picture, "wb") as f:
-                    f.write(b"no picture")
+                pathlib.Path(picture).write_bytes(b"no picture")
         code, out, err = ranks(2, *self.train(self.config(batch=2, parts=2), "run", data=bad))
         self.assertEqual(code, 1, err)
         self.assertIn(".png", err)
@@ -121,8 +121,7 @@ class Ranks(train_support.Case):
     def test_what_is_printed_arrives_in_a_pipe(self):
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
-        with open(self.path("list.txt"), "w") as f:
-            f.write(f"{os.path.join(self.solids, sorted(os.listdir(self.solids))[0])}\tone\n{self.path('gone')}\n")
+        pathlib.Path(self.path("list.txt")).write_text(f"{os.path.join(self.solids, sorted(os.listdir(self.solids))[0])}\tone\n{self.path('gone')}\n")
         command = f'"{support.VSPLAT}" reconstruct --list "{self.path("list.txt")}" --model "{model}" --output "{self.path("out")}" --json | cat'
         done = subprocess.run([*LAUNCH, "-n", "2", "sh", "-c", command], capture_output=True, text=True, timeout=support.PATIENCE, stdin=subprocess.DEVNULL)
         self.assertEqual(len(json.loads(done.stdout)["objects"]), 2, done.stderr)
@@ -131,8 +130,7 @@ class Ranks(train_support.Case):
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
         views = os.path.join(self.solids, sorted(os.listdir(self.solids))[0])
-        with open(self.path("list.txt"), "w") as f:
-            f.write("".join(f"{views}\tn{i}\n" for i in range(4000)))
+        pathlib.Path(self.path("list.txt")).write_text("".join(f"{views}\tn{i}\n" for i in range(4000)))
         process = subprocess.Popen([*LAUNCH, "-n", "2", support.VSPLAT, "reconstruct", "--list", self.path("list.txt"), "--model", model, "--output",
                                     self.path("out")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL)
         end = time.time() + support.PATIENCE
@@ -154,8 +152,7 @@ class Ranks(train_support.Case):
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
         objects = sorted(os.path.join(self.solids, name) for name in os.listdir(self.solids))
-        with open(self.path("list.txt"), "w") as f:
-            f.write("".join(f"{o}\ta{i}\n{o}\tb{i}\n" for i, o in enumerate(objects)) + self.path("gone") + "\n")
+        pathlib.Path(self.path("list.txt")).write_text("".join(f"{o}\ta{i}\n{o}\tb{i}\n" for i, o in enumerate(objects)) + self.path("gone") + "\n")
         arguments = ("reconstruct", "--list", self.path("list.txt"), "--model", model, "--json")
         told = {}
         for count in (1, 2, 4):

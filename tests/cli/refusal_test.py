@@ -184,8 +184,7 @@ class Scenes(support.Case):
         names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
         head = (f"ply\nformat ascii 1.0\nelement vertex {len(rows) if count is None else count}\n"
                 + "".join(f"property float {n}\n" for n in names) + "end_header\n")
-        with open(self.path(name), "w") as f:
-            f.write(head + "".join(row + "\n" for row in rows))
+        pathlib.Path(self.path(name)).write_text(head + "".join(row + "\n" for row in rows))
         return len(head)
 
     def render(self, *more):

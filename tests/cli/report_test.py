@@ -1,6 +1,7 @@
 """vsplat report: one file with everything needed to find a defect, and nothing that identifies a person or a machine."""
 import json
 import os
+import pathlib
 import re
 import shutil
 import socket
@@ -27,14 +28,12 @@ class Report(support.Case):
         """Returns the file's JSON and its text."""
         path = self.path("report.json")
         _, err = self.succeeds("report", "--output", path, "--overwrite", *more, env={**self.env, **(env or {})})
-        with open(path) as f:
-            text = f.read()
+        text = pathlib.Path(path).read_text()
         return json.loads(text), text, err
 
     def keep(self, name, content):
         path = os.path.join(self.cache, name)
-        with open(path, "w") as f:
-            f.write(content)
+        pathlib.Path(path).write_text(content)
         return path
 
     def impersonal(self, text, *others):
@@ -118,14 +117,12 @@ class Report(support.Case):
         subprocess.run([compiler, "-shared", "-fPIC", "-x", "c", "-", "-o", library], check=True, text=True,
                        input="#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) { abort(); }\n")
         os.mkdir(vendors)
-        with open(os.path.join(vendors, "crash.icd"), "w") as f:
-            f.write(library + "\n")
+        pathlib.Path(os.path.join(vendors, "crash.icd")).write_text(library + "\n")
         told, _, _ = self.report(env={"OCL_ICD_VENDORS": vendors})
         self.assertEqual([d["state"] for d in told["doctor"]["drivers"]], ["crashed"])
 
     def test_nothing_is_written_over(self):
-        with open(self.path("report.json"), "w") as f:
-            f.write("mine")
+        pathlib.Path(self.path("report.json")).write_text("mine")
         self.refuses(1, "exists", "report", "--output", self.path("report.json"), env=self.env)
 
 

@@ -1,9 +1,7 @@
 """Scenes in several formats on the command line: read by content, written by ending."""
-import json
 import pathlib
 import shutil
 import struct
-import unittest
 
 import support
 

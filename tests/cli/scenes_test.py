@@ -56,16 +56,14 @@ class Scenes(support.Case):
                     for kind in ("depth", "normal"):
                         support.write_png(f"{path}_{kind}_0000.png", 20, 20, rows(20, 20, 99))
                 frames.append({"file_path": f"./{part}/r_{i}", "rotation": 0.01, "transform_matrix": support.camera_to_world(360 / count * i, 4.0)})
-            with open(self.path(folder, f"transforms_{part}.json"), "w") as f:
-                json.dump({"camera_angle_x": 0.69, "frames": frames}, f)
+            pathlib.Path(self.path(folder, f"transforms_{part}.json")).write_text(json.dumps({"camera_angle_x": 0.69, "frames": frames}))
 
     def scene(self, name):
         support.write_scene(self.path(name), [(at, (0.5, 0.4, 0.3), 0.06, 0.7) for at in spots()])
         return name
 
     def list(self, sets, name="list.json"):
-        with open(self.path(name), "w") as f:
-            json.dump(sets, f)
+        pathlib.Path(self.path(name)).write_text(json.dumps(sets))
         return ("evaluate", "--scenes", self.path(name))
 
     def test_the_protocol(self):
@@ -119,8 +117,7 @@ class Scenes(support.Case):
         self.assertEqual((record["settings"]["background"], record["figures"]["background"]), ("sky", [0, 0, 0]))  # a whole scene
         # A record that is no record is warned of, and the scene is measured all the same.
         for wrong in ({**record["figures"], "steps": "many"}, {**record["figures"], "background": [1, 2, 3]}):
-            with open(self.path("made", "a.fit.json"), "w") as f:
-                json.dump({**record, "figures": wrong}, f)
+            pathlib.Path(self.path("made", "a.fit.json")).write_text(json.dumps({**record, "figures": wrong}))
             out, err = self.succeeds(*self.list(ready), "--json")
             self.assertRegex(err, r"a\.fit\.json: figures\.(steps|background) must be")
             self.assertIsNone(json.loads(out)["sets"][0]["steps"])

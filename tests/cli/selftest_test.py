@@ -2,6 +2,7 @@
 import glob
 import json
 import os
+import pathlib
 import shutil
 import signal
 import struct
@@ -26,11 +27,9 @@ class SelftestCase(support.Case):
         shutil.copytree(CL, folder)
         for file, before, after in faults:
             [path] = glob.glob(os.path.join(folder, "**", file), recursive=True)
-            with open(path) as f:
-                text = f.read()
+            text = pathlib.Path(path).read_text()
             self.assertEqual(text.count(before), 1, f"{file}: {before}")
-            with open(path, "w") as f:
-                f.write(text.replace(before, after))
+            pathlib.Path(path).write_text(text.replace(before, after))
         return {**self.env, "VSPLAT_KERNEL_DIR": folder}
 
     def selftest(self, code, env, *more):
@@ -40,8 +39,7 @@ class SelftestCase(support.Case):
 
     def numbers(self, path):
         """Returns the number of bytes of a binary PLY."""
-        with open(path, "rb") as f:
-            data = f.read()
+        data = pathlib.Path(path).read_bytes()
         body = data[data.index(b"end_header\n") + 11:]
         return struct.unpack(f"<{len(body) // 4}f", body[:len(body) // 4 * 4])
 
@@ -187,11 +185,9 @@ class Selftest(SelftestCase):
         told = json.loads(self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--json", *gpu, env=env)[0])
         shape = next(one["shape"] for one in told["shapes"] if one["op"] == "conv3d")
         [path] = tables(self.cache)
-        with open(path) as f:
-            table = json.load(f)
+        table = json.loads(pathlib.Path(path).read_text())
         wrong = {"op": "conv3d", "shape": shape, "set": {"tile": 64, "unroll": 2}}
-        with open(path, "w") as f:
-            json.dump(with_choice(table, wrong), f)
+        pathlib.Path(path).write_text(json.dumps(with_choice(table, wrong)))
         before, err = self.scene(self.model, "before", env, *gpu)
         self.assertIn("tuned (table", err)
         self.assertGreater(self.difference(sound, before), 1e-4, "the fault does nothing")

@@ -88,8 +88,7 @@ class Share(support.Case):
         return [self.path(f"object{i}") for i in range(count)]
 
     def write_list(self, lines):
-        with open(self.path("list.txt"), "w") as f:
-            f.write("".join(line + "\n" for line in lines))
+        pathlib.Path(self.path("list.txt")).write_text("".join(line + "\n" for line in lines))
         return ("reconstruct", "--list", self.path("list.txt"), "--model", self.model, "--center", "0,0,0", "--scale", "1")
 
     def test_a_list_is_what_its_objects_are(self):
@@ -116,8 +115,7 @@ class Share(support.Case):
     def test_what_cannot_be_read_takes_nothing_with_it(self):
         objects = self.listed(4)
         os.remove(os.path.join(objects[1], "images", "0.png"))
-        with open(os.path.join(objects[1], "transforms.json"), "w") as f:
-            f.write("{")
+        pathlib.Path(os.path.join(objects[1], "transforms.json")).write_text("{")
         arguments = (*self.write_list([*objects, self.path("missing")]), "--output", self.path("out"))
         code, out, err = support.run(*arguments, "--json", "-d", "0,1", env=TWO)
         self.assertEqual(code, 1, err)
@@ -144,11 +142,9 @@ class Share(support.Case):
         big = os.path.join(objects[1], "images", "0.png")
         with open(big, "wb") as f:  # interlaced: the whole picture is in memory at once
             f.write(pictures.png(9000, 9000, pictures.zeros(pictures.interlaced_rows(9000, 9000, 8, 2)), interlaced=1))
-        with open(os.path.join(objects[1], "transforms.json")) as f:
-            listed = json.load(f)
+        listed = json.loads(pathlib.Path(os.path.join(objects[1], "transforms.json")).read_text())
         listed.update(w=9000, h=9000)
-        with open(os.path.join(objects[1], "transforms.json"), "w") as f:
-            json.dump(listed, f)
+        pathlib.Path(os.path.join(objects[1], "transforms.json")).write_text(json.dumps(listed))
         code, _, err = support.run(*self.write_list(objects), "--output", self.path("out"), "-d", "0,1", "--max-host-memory", "0.1", env=TWO)
         self.assertEqual(code, 1, err)
         self.assertIn("1 of 3 objects could not", err)

@@ -88,8 +88,7 @@ class Meshes(support.Case):
         self.put("m.mtl", "newmtl m\nKd 1 0 0\n")
 
     def put(self, name, text):
-        with open(self.path(*name.split("/")), "w") as f:
-            f.write(text)
+        pathlib.Path(self.path(*name.split("/"))).write_text(text)
         return self.path(*name.split("/"))
 
     def obj(self, head):
@@ -121,8 +120,7 @@ class Meshes(support.Case):
             self.put(f"mesh/{there}{at}.mtl", f"newmtl m\nmap_Kd {listed}{at}.png\n")
             _, err = self.succeeds(*self.render(self.obj(f"mtllib {listed}{at}.mtl\n"), "--overwrite"))
             self.assertNotIn("warning", err)
-            with open(self.path("mesh", f"{there}{at}.bin"), "wb") as f:
-                f.write(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0))
+            pathlib.Path(self.path("mesh", f"{there}{at}.bin")).write_bytes(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0))
             gltf = self.put("mesh/a.gltf", json.dumps(self.triangle(f"{listed}{at}.bin")))
             self.succeeds(*self.render(gltf, "--overwrite"))
 
@@ -141,8 +139,7 @@ class Meshes(support.Case):
                 "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": uri, "byteLength": 36}]}
 
     def test_buffers(self):
-        with open(self.path("b.bin"), "wb") as f:
-            f.write(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0))
+        pathlib.Path(self.path("b.bin")).write_bytes(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0))
         self.refused(self.put("mesh/a.gltf", json.dumps(self.triangle("../b.bin"))), "b.bin")
 
 
@@ -160,8 +157,7 @@ class Words(support.Case):
     def test_json_that_is_no_configuration(self):
         for text, words in (('{"model": ' + "[" * 100000 + "]" * 100000 + "}", "nested deeper"), ('{"steps": 3, "steps": 4}', "steps twice"),
                             ('{"model": {"base": "micro", "base": "tiny"}}', "base twice")):
-            with open(self.path("c.json"), "w") as f:
-                f.write(text)
+            pathlib.Path(self.path("c.json")).write_text(text)
             self.refuses(1, [self.path("c.json"), words], "train", self.path("c.json"), "--print-config")
         os.mkfifo(self.path("pipe"))
         self.refuses(1, ["pipe", "regular file"], "train", self.path("pipe"), "--print-config")

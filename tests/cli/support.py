@@ -36,8 +36,7 @@ def write_png(path, width, height, rows):
 
 def read_png(path):
     """Returns width, height, and the bytes of all pixels (8-bit RGB or RGBA)."""
-    with open(path, "rb") as file:
-        data = file.read()
+    data = pathlib.Path(path).read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n", path
     at, packed = 8, b""
     while at < len(data):
@@ -109,16 +108,13 @@ class Case(unittest.TestCase):
             write_png(self.path(name, "images", f"{i}.png"), self.SIDE, self.SIDE, rows)
             frames.append({"file_path": f"images/{i}.png", "transform_matrix": camera_to_world(100 * i, centre=centre)})
         path = self.path(name, "transforms.json")
-        with open(path, "w") as f:
-            json.dump({"fl_x": 20, "w": self.SIDE, "h": self.SIDE, "frames": frames, **changes}, f)
+        pathlib.Path(path).write_text(json.dumps({"fl_x": 20, "w": self.SIDE, "h": self.SIDE, "frames": frames, **changes}))
         return path
 
     def edit_views(self, change):
-        with open(self.views) as f:
-            data = json.load(f)
+        data = json.loads(pathlib.Path(self.views).read_text())
         change(data)
-        with open(self.views, "w") as f:
-            json.dump(data, f)
+        pathlib.Path(self.views).write_text(json.dumps(data))
 
     def snapshot(self):
         out = {}

@@ -2,6 +2,7 @@
 import array
 import json
 import os
+import pathlib
 import random
 import shutil
 import signal
@@ -58,8 +59,7 @@ class Train(train_support.Case):
         out, _ = self.succeeds("train", self.config(steps=9), "--print-config")
         merged = json.loads(out)
         self.assertEqual((merged["steps"], merged["model"]["image"], merged["beta2"]), (9, 16, defaults["beta2"]))
-        with open(self.path("again.json"), "w") as f:
-            f.write(out)
+        pathlib.Path(self.path("again.json")).write_text(out)
         self.assertEqual(self.succeeds("train", self.path("again.json"), "--print-config")[0], out)
 
     def test_the_same_bytes_each_time(self):
@@ -244,8 +244,7 @@ class Train(train_support.Case):
                 process.communicate()
                 kills += 1
         for name in ("log.csv", "record.json", "report.html"):  # as if it had been killed between two files
-            with open(self.path("killed", name + ".1-0.tmp"), "w") as f:
-                f.write("step")
+            pathlib.Path(self.path("killed", name + ".1-0.tmp")).write_text("step")
         self.succeeds(*self.train(config, "killed", "--resume"))
         self.same_training("whole", "killed", 40)
         self.assertFalse([name for name in os.listdir(self.path("killed")) if name.endswith(".tmp")])
@@ -297,8 +296,7 @@ class Train(train_support.Case):
     def test_configurations_that_are_wrong(self):
         for text, words in (("{", "JSON"), ('{"stepps": 3}', "stepps"), ('{"steps": "many"}', "steps"),
                             ('{"model": {"base": "micro", "volume_ch": -3}}', "volume_ch"), ('{"lr": -1}', "lr")):
-            with open(self.path("bad.json"), "w") as f:
-                f.write(text)
+            pathlib.Path(self.path("bad.json")).write_text(text)
             code, out, err = support.run(*self.train(self.path("bad.json"), "run"))
             self.assertIn(code, (1, 2))
             self.assertEqual(out, "")
@@ -326,8 +324,7 @@ class Train(train_support.Case):
     # ------------------------------------------------------------------------------------------------ where it is written
 
     def test_folder_that_cannot_be_made(self):
-        with open(self.path("file"), "w") as f:
-            f.write("no folder")
+        pathlib.Path(self.path("file")).write_text("no folder")
         self.refuses(1, self.path("file", "run"), *self.train(self.config(), os.path.join("file", "run")))
         self.refuses(1, self.path("file"), *self.train(self.config(), "file"))
 
@@ -396,8 +393,7 @@ class Train(train_support.Case):
     def test_sheet_that_does_not_fit_is_left_out(self):
         # Many Gaussians in the only voxel that steps refine: a sheet refines the half that an untrained network selects.
         config = self.config(model={"base": "tiny", "fine_count": 256}, steps=2, sheet_every=1)
-        with open(self.path("voxels.txt"), "w") as f:
-            f.write("500\n")
+        pathlib.Path(self.path("voxels.txt")).write_text("500\n")
         _, err = self.succeeds(*self.train(config, "run", "--selection", self.path("voxels.txt"), "--max-memory", 0.03))
         for step in (1, 2):
             self.assertIn(self.path("run", "sheets", f"step-{step:08d}.png") + " is left out: not enough device memory", err)

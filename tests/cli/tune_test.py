@@ -56,8 +56,7 @@ class Tuned:
             return found[0], json.load(f)
 
     def write(self, name, table):
-        with open(self.path(name), "w") as f:
-            json.dump(table, f)
+        pathlib.Path(self.path(name)).write_text(json.dumps(table))
         return self.path(name)
 
 
@@ -240,8 +239,7 @@ class Tune(Searching):
         self.refuses(2, ["--output"], "tune", "--model", self.model, env={"VSPLAT_CACHE_DIR": "off"})
         self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--kernels", "gpu", "--output", self.path("gpu.json"))
         # A refused set has a reason, whatever was stored about it; a set that does not fit into memory is not refused.
-        with open(self.path("gpu.json")) as f:
-            kept = json.load(f)
+        kept = json.loads(pathlib.Path(self.path("gpu.json")).read_text())
         line = {"op": "gemm", "shape": {"m": 64, "n": 8, "k": 8, "taps": 1}, "set": {"tile": 64, "unroll": 0, "split": 1}, "seconds": 0, "against": 0}
         lines = [{**line, "verdict": "wrong", "error": 1e30}, {**line, "set": {**line["set"], "split": 8}, "verdict": "failed", "error": 0}]
         out, _ = self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--kernels", "gpu",
@@ -254,8 +252,7 @@ class Tune(Searching):
         of_gpu = {"VSPLAT_TUNING": self.path("gpu.json")}
         self.refuses(2, [self.path("gpu.json"), "VSPLAT_TUNING", "gpu kernels", "cpu kernels", "VSPLAT_TUNING=off"],
                      *self.reconstruct("--kernels", "cpu"), env=of_gpu)
-        with open(self.path("gpu.json")) as f:
-            table = json.load(f)
+        table = json.loads(pathlib.Path(self.path("gpu.json")).read_text())
         bad = with_choice(table, {"op": "gemm", "shape": {"m": 64, "n": 8, "k": 8, "taps": 1}, "set": {"tile": 96, "unroll": 0, "split": 1}})
         for wrong, words in ((bad, ["chosen[0].set.tile is 96", "one of 0, 64, 128"]), ({**table, "version": 9}, ["version is 9"])):
             self.refuses(1, [self.path("bad.json"), *words], *self.reconstruct("--kernels", "gpu"),
@@ -268,8 +265,7 @@ class Training(Tuned, train_support.Case):
         model = self.path("model.safetensors")
         support.run("init", "micro", "--seed", 3, "--output", model, "--quiet")
         self.tune("--model", model, "--for", "train", "--seconds", 1e-9, "--output", self.path("empty.json"), "--kernels", "cpu")
-        with open(self.path("empty.json")) as f:
-            empty = json.load(f)
+        empty = json.loads(pathlib.Path(self.path("empty.json")).read_text())
         table = with_choice(empty, {"op": "gemm_transposed", "shape": {"rows": 64, "m": 16, "n": 16}, "set": {"terms": 512, "block": 1}})
         cpu, tuned = ("--kernels", "cpu"), self.tune_environment(VSPLAT_TUNING=self.write("table.json", table))
         off = self.tune_environment(VSPLAT_TUNING="off")

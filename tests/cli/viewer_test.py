@@ -189,8 +189,7 @@ class Shown(support.Case):
         folder, listed = self.path("drawn"), self.path("drawn.json")
         self.succeeds("render", scene, "--cameras", cameras, "--size", f"{self.SIZE}x{self.SIZE}", "--supersample", 1, "--images", folder, "--write-cameras",
                       listed, "--overwrite", *more)
-        with open(listed) as file:
-            every = json.load(file)
+        every = json.loads(pathlib.Path(listed).read_text())
         shown.evaluate("vsplat.bare()")
         for i in range(0, len(every), math.ceil(len(every) / 4)):
             camera = {**every[i], "w2c": sum(every[i]["w2c"], [])}

@@ -24,6 +24,7 @@ import concurrent.futures
 import hashlib
 import json
 import os
+import pathlib
 import re
 import shutil
 import struct
@@ -152,8 +153,7 @@ def intel_share(compilers, text, device, folder):
     if not compilers.iga or not os.path.exists(compilers.iga) or device not in PLATFORMS:
         return None
     path = f"{folder}/text.bin"
-    with open(path, "wb") as out:
-        out.write(text)
+    pathlib.Path(path).write_bytes(text)
     done = run([compilers.iga, "-d", f"-p={PLATFORMS[device]}", path], env=compilers.env())
     if done.returncode or not done.stdout:
         return None
@@ -239,8 +239,7 @@ def compiled(compilers, program, target, cache, version, known):
             shutil.copy(program["path"], source)
             got, why = VENDORS[vendor](compilers, source, program["options"].split(), chip, work)
         if kept and got:
-            with open(f"{kept}.{os.getpid()}.tmp", "w") as out:
-                json.dump([got, why], out)
+            pathlib.Path(f"{kept}.{os.getpid()}.tmp").write_text(json.dumps([got, why]))
             os.replace(f"{kept}.{os.getpid()}.tmp", kept)
     rows = []
     for kernel in program["kernels"]:
@@ -344,8 +343,7 @@ def main():
     text = HEAD + "\n" + "".join(line_of(row) + "\n" for row in rows)
     sys.stdout.write(text)
     if a.table:
-        with open(a.table, "w") as out:
-            out.write(text)
+        pathlib.Path(a.table).write_text(text)
 
     excuses, used, problems = excuses_of(a.dumps), set(), []
     for row in rows:

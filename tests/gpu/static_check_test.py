@@ -1,6 +1,7 @@
 """static_check.py finds what it is there to find. Python's standard library and clang-15 alone."""
 import json
 import os
+import pathlib
 import shutil
 import subprocess
 import sys
@@ -35,8 +36,7 @@ class StaticCheck(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="vsplat-static-")
         self.addCleanup(shutil.rmtree, self.folder, True)
-        with open(self.path("a.cl"), "w") as out:
-            out.write(SOURCE)
+        pathlib.Path(self.path("a.cl")).write_text(SOURCE)
 
     def path(self, name):
         return os.path.join(self.folder, name)
@@ -46,8 +46,7 @@ class StaticCheck(unittest.TestCase):
         about = [{"name": k, "launches": [{"job": "render", "stage": "", "group": [group, 1, 1], "local_bytes": 0}]} for k in kernels]
         with open(self.path("kernels.json"), "w") as out:
             json.dump([{"name": "a", "source": "a.cl", "options": options, "kernels": kernels, "about": about, **more}], out)
-        with open(self.path("allowed.txt"), "w") as out:
-            out.write(allowed)
+        pathlib.Path(self.path("allowed.txt")).write_text(allowed)
         done = subprocess.run([sys.executable, CHECK, self.folder, "--targets", "nvptx:sm_80", "--intel", "", *arguments], capture_output=True, text=True)
         return done.returncode, done.stdout, done.stderr
 
@@ -84,13 +83,11 @@ class StaticCheck(unittest.TestCase):
         self.assertIn("no longer", self.check(["sound"], "--baseline", table)[2])
         rows = open(table).read()
         share = next(line for line in rows.splitlines() if line.startswith("sound")).split()[-2]
-        with open(table, "w") as out:
-            out.write(rows.replace(share, f"{float(share) + 0.1:.2f}"))
+        pathlib.Path(table).write_text(rows.replace(share, f"{float(share) + 0.1:.2f}"))
         code, _, err = self.check(["sound", "large"], "--baseline", table, "--anew")
         self.assertEqual(code, 1)
         self.assertIn("share of multiply-adds", err)
-        with open(table, "w") as out:
-            out.write("")
+        pathlib.Path(table).write_text("")
         self.assertEqual(self.check(["sound", "large"], "--baseline", table)[0], 1)
 
     def test_what_the_table_was_made_of_is_not_compiled_again(self):
