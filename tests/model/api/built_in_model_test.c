@@ -23,7 +23,6 @@ static void save(vsplat_model model, const char* path) {
   vsplat_model again = NULL;
   vsplat_model_info info = VSPLAT_MODEL_INFO_INIT;
   char* text = NULL;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_as(model, NULL, VSPLAT_DTYPE_F16));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_as(model, path, (vsplat_dtype)7));
   EXPECT(VSPLAT_OK, vsplat_model_save_as(model, path, VSPLAT_DTYPE_F16));
   EXPECT(VSPLAT_OK, vsplat_model_inspect(path, NULL, &text));

@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "checks.h"
+enum { EDGE = 32, PIXELS = EDGE * EDGE, count = 200 };
 
-enum { EDGE = 32, PIXELS = EDGE * EDGE, COUNT = 200 };
+#include "ball_scene.h"
 
 typedef struct held {
   double mib;
@@ -33,33 +33,11 @@ static held held_now(void) {
   return out;
 }
 
-static vsplat_scene make_scene(void) {
-  static float means[3 * COUNT], scales[3 * COUNT], rotations[4 * COUNT], opacities[COUNT], sh[3 * COUNT];
-  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
-  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
-  vsplat_scene out = NULL;
-  int i, c;
-  for (i = 0; i < COUNT; ++i) {
-    rotations[4 * i] = 1;
-    opacities[i] = 0.2f + 0.7f * (float)(i * 31 % 17) / 17;
-    for (c = 0; c < 3; ++c) {
-      means[3 * i + c] = (float)(i * (919 + 210 * c) % 1000) / 1000 - 0.5f;
-      scales[3 * i + c] = 0.05f;
-      sh[3 * i + c] = (float)((i + 5 * c) % 11) / 5 - 1;
-    }
-  }
-  info.count = arrays.capacity = COUNT;
-  arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
-  arrays.opacities = opacities, arrays.sh = sh;
-  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
-  return out;
-}
-
 /* Returns the sum of the picture's values. */
 static double cycle(void) {
   static float alpha[PIXELS];
   vsplat_device device = NULL, stream = NULL;
-  vsplat_scene scene = make_scene();
+  vsplat_scene scene = make_scene(0);
   vsplat_camera camera = VSPLAT_CAMERA_INIT;
   vsplat_picture picture = VSPLAT_PICTURE_INIT;
   vsplat_job job = NULL;

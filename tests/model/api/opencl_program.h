@@ -4,9 +4,9 @@
 #define VSPLAT_TESTS_API_OPENCL_PROGRAM_H
 #include <vsplat/opencl.h>
 
-#include "checks.h"
-
 enum { width = 52, height = 40, pixels = width * height, count = 60, values = 3 * pixels };
+
+#include "ball_scene.h"
 
 typedef struct program {
   cl_context context;
@@ -56,35 +56,6 @@ static cl_mem buffer_of(program p, size_t floats, const float* from) {
 
 static void read_back(program p, cl_mem from, size_t floats, float* to) {
   HOLD(clEnqueueReadBuffer(p.queue, from, CL_TRUE, 0, floats * sizeof(float), to, 0, NULL, NULL) == CL_SUCCESS);
-}
-
-static float means[3 * count], scales[3 * count], rotations[4 * count], opacities[count], sh[3 * count];
-
-static vsplat_scene_info scene_info(void) {
-  vsplat_scene_info out = VSPLAT_SCENE_INFO_INIT;
-  out.count = count;
-  return out;
-}
-
-static vsplat_scene make_scene(void) {
-  const vsplat_scene_info info = scene_info();
-  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
-  vsplat_scene out = NULL;
-  int i, c;
-  for (i = 0; i < count; ++i) {
-    rotations[4 * i] = 1;
-    opacities[i] = 0.1f + 0.8f * (float)(i * 31 % 17) / 17;
-    for (c = 0; c < 3; ++c) {
-      means[3 * i + c] = (float)(i * (919 + 210 * c) % 1000) / 1000 - 0.5f + (c == 2 ? 3.0f : 0.0f);
-      scales[3 * i + c] = 0.05f;
-      sh[3 * i + c] = (float)((i + 5 * c) % 11) / 5 - 1;
-    }
-  }
-  arrays.capacity = count;
-  arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
-  arrays.opacities = opacities, arrays.sh = sh;
-  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
-  return out;
 }
 
 static vsplat_camera make_camera(void) {

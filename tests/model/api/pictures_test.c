@@ -41,40 +41,11 @@ static vsplat_cameras load_keys(void) {
   return out;
 }
 
-static void null_handles(void) {
-  vsplat_cameras cameras = NULL;
-  vsplat_sheet sheet = NULL;
-  vsplat_animation animation = NULL;
-  vsplat_comparison comparison = VSPLAT_COMPARISON_INIT;
-  const float background[3] = {1, 1, 1};
-  char* text = NULL;
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_path(NULL, 3, &cameras));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_find_picture(NULL, 0, ".", &text));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_load_picture(NULL, 0, "x", 1, 1, background, colour, 3));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_file_size(NULL, NULL, NULL));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save_jpeg(NULL, 1, 1, 90, "x.jpg"));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_sheet_create(NULL, NULL));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_sheet_add(NULL, &picture, width, height));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_sheet_save(NULL, "x.png"));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_create(NULL, NULL));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_add(NULL, &picture, width, height));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_save(NULL, "x.webp"));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_compare(NULL, colour, 1, 1, &comparison, NULL));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_compare(colour, NULL, 1, 1, &comparison, NULL));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_compare(colour, colour, 1, 1, NULL, NULL));
-  HOLD(!cameras && !sheet && !animation && !text);
-  vsplat_sheet_retain(NULL);
-  vsplat_sheet_release(NULL);
-  vsplat_animation_retain(NULL);
-  vsplat_animation_release(NULL);
-}
-
 static void paths(void) {
   vsplat_cameras keys = load_keys(), path = NULL;
   vsplat_camera first = VSPLAT_CAMERA_INIT, middle = VSPLAT_CAMERA_INIT;
   size_t count = 0;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_path(keys, 0, &path));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_path(keys, 3, NULL));
   EXPECT(VSPLAT_OK, vsplat_cameras_path(keys, 3, &path));
   EXPECT(VSPLAT_OK, vsplat_cameras_count(path, &count));
   HOLD(count == 3);
@@ -100,7 +71,6 @@ static void cameras_saved(void) {
     cameras[i].w2c[11] = 1.0 / 3;
   }
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_save(cameras, 0, NULL, "saved.json"));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_save(NULL, 2, NULL, "saved.json"));
   cameras[1].fy = -1;
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_cameras_save(cameras, 2, NULL, "saved.json"));
   HOLD(file_size("saved.json") == -1);
@@ -242,7 +212,6 @@ int main(void) {
   picture.capacity = width * height;
   picture.colour = colour;
   if (!mkdtemp(folder) || chdir(folder) != 0) return 1;
-  null_handles();
   paths();
   cameras_saved();
   pictures_with_alpha();

@@ -7,31 +7,9 @@
 #include <unistd.h>
 #include <vsplat/vsplat.h>
 
-#include "checks.h"
-
 enum { side = 48, pixels = side * side, count = 300, threads = 8, calls = 20 };
 
-static vsplat_scene make_scene(void) {
-  static float means[3 * count], scales[3 * count], rotations[4 * count], opacities[count], sh[3 * count];
-  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
-  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
-  vsplat_scene out = NULL;
-  int i, c;
-  for (i = 0; i < count; ++i) {
-    rotations[4 * i] = 1;
-    opacities[i] = 0.1f + 0.8f * (float)(i * 31 % 17) / 17;
-    for (c = 0; c < 3; ++c) {
-      means[3 * i + c] = (float)(i * (919 + 210 * c) % 1000) / 1000 - 0.5f + (c == 2 ? 3.0f : 0.0f);
-      scales[3 * i + c] = 0.05f;
-      sh[3 * i + c] = (float)((i + 5 * c) % 11) / 5 - 1;
-    }
-  }
-  info.count = arrays.capacity = count;
-  arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
-  arrays.opacities = opacities, arrays.sh = sh;
-  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
-  return out;
-}
+#include "ball_scene.h"
 
 static vsplat_status draw(vsplat_device device, vsplat_scene scene, const vsplat_render_options* options, float* out) {
   vsplat_camera camera = VSPLAT_CAMERA_INIT;
@@ -145,7 +123,7 @@ static void a_child_is_refused(vsplat_device device, vsplat_scene scene) {
 int main(void) {
   static float want[3 * pixels];
   vsplat_device device = NULL;
-  vsplat_scene scene = make_scene();
+  vsplat_scene scene = make_scene(3);
   work w;
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   EXPECT(VSPLAT_OK, draw(device, scene, NULL, want));
