@@ -6,7 +6,6 @@ vsplat_tests(fuzz_replay_test
   fuzz/scenes.cpp
   fuzz/reader.cpp
   fuzz/replay_test.cpp
-  fuzz/splats.cpp
   fuzz/targets.cpp
   fuzz/tensors.cpp
   fuzz/texts.cpp
