@@ -15,6 +15,7 @@
 #include "model/networks/params/init.h"
 #include "model/networks/params/model_file.h"
 #include "tests/support/device.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -307,13 +308,7 @@ TEST(Bench, ARunIsComparedWithAnEarlierOne) {
 TEST(Bench, UnknownSuiteIsAnErrorThatListsThem) {
   bench::Options options;
   options.suites = {"gem"};
-  try {
-    bench::run(test::context(Flavour::cpu), options);
-    FAIL();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::usage);
-    EXPECT_NE(std::string(e.what()).find("gemm"), std::string::npos) << e.what();
-  }
+  test::expect_error(Status::usage, {"gemm"}, [&] { bench::run(test::context(Flavour::cpu), options); });
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "runtime/files/folder_lock.h"
 #include "runtime/files/roots.h"
 #include "runtime/files/staged_folder.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -18,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::contents_of;
+using test::expect_error;
 using test::put_file;
 using test::TemporaryFolder;
 
@@ -26,16 +28,6 @@ class Rules {
   explicit Rules(FileRules rules) { set_file_rules(std::move(rules)); }
   ~Rules() { set_file_rules({}); }
 };
-
-void expect_refused(Status status, const std::vector<std::string>& words, const std::function<void()>& body) {
-  try {
-    body();
-    ADD_FAILURE() << "not refused: " << words.front();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), status) << e.what();
-    for (const std::string& word : words) EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
-  }
-}
 
 void put(const std::string& path) { write_file(path, "new", 3); }
 
@@ -48,7 +40,7 @@ TEST(FileRules, KeepWhatIsThereAndTellWhatIsMade) {
                      }});
   put_file(folder / "kept", "old");
   put_file(folder / "replaced", "old");
-  expect_refused(Status::file, {folder / "kept", "exists"}, [&] { put(folder / "kept"); });
+  expect_error(Status::file, {folder / "kept", "exists"}, [&] { put(folder / "kept"); });
   put(folder / "replaced");
   put(folder / "created");
   EXPECT_EQ(contents_of(folder / "kept"), "old");
@@ -60,10 +52,10 @@ TEST(FileRules, KeepWhatIsThereAndTellWhatIsMade) {
 TEST(OpenRegular, TakesNothingElse) {
   const TemporaryFolder folder;
   ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
-  expect_refused(Status::file, {folder / "pipe", "no regular file"}, [&] { read_file(folder / "pipe"); });
-  expect_refused(Status::file, {"/dev/zero", "no regular file"}, [&] { read_file("/dev/zero"); });
-  expect_refused(Status::file, {folder.string(), "is a folder"}, [&] { read_file(folder.string()); });
-  expect_refused(Status::file, {folder / "none"}, [&] { read_file(folder / "none"); });
+  expect_error(Status::file, {folder / "pipe", "no regular file"}, [&] { read_file(folder / "pipe"); });
+  expect_error(Status::file, {"/dev/zero", "no regular file"}, [&] { read_file("/dev/zero"); });
+  expect_error(Status::file, {folder.string(), "is a folder"}, [&] { read_file(folder.string()); });
+  expect_error(Status::file, {folder / "none"}, [&] { read_file(folder / "none"); });
 }
 
 TEST(FolderLock, IsHeldByOneAndTakesAwayWhatItMadeAndLeftEmpty) {
@@ -71,7 +63,7 @@ TEST(FolderLock, IsHeldByOneAndTakesAwayWhatItMadeAndLeftEmpty) {
   {
     const FolderLock lock(folder / "a/b");
     EXPECT_TRUE(fs::is_directory(folder / "a/b"));
-    expect_refused(Status::file, {folder / "a/b", "another process"}, [&] { FolderLock(folder / "a/b"); });
+    expect_error(Status::file, {folder / "a/b", "another process"}, [&] { FolderLock(folder / "a/b"); });
     const FolderLock other(folder / "a");
   }
   EXPECT_TRUE(folder.entries().empty());
@@ -82,7 +74,7 @@ TEST(FolderLock, IsHeldByOneAndTakesAwayWhatItMadeAndLeftEmpty) {
   EXPECT_TRUE(fs::exists(folder / "a/file"));
   EXPECT_FALSE(fs::exists(folder / "a/b"));
   put_file(folder / "file", "");
-  expect_refused(Status::file, {folder / "file/b", "cannot be made"}, [&] { FolderLock(folder / "file/b"); });
+  expect_error(Status::file, {folder / "file/b", "cannot be made"}, [&] { FolderLock(folder / "file/b"); });
 }
 
 TEST(StagedFolder, AppearsWholeAndKeepsWhatIsNotOurs) {
@@ -92,7 +84,7 @@ TEST(StagedFolder, AppearsWholeAndKeepsWhatIsNotOurs) {
   EXPECT_TRUE(folder.entries().empty());
   for (const std::string content : {"first", "second"}) {
     StagedFolder staged(folder / "set/a");
-    expect_refused(Status::file, {folder / "set/a", "another process"}, [&] { StagedFolder(folder / "set/a"); });
+    expect_error(Status::file, {folder / "set/a", "another process"}, [&] { StagedFolder(folder / "set/a"); });
     put_file(staged.path() / "ours", content);
     EXPECT_EQ(fs::exists(folder / "set/a/ours"), content == "second");
     staged.put_in_place(ours);
@@ -113,7 +105,7 @@ TEST(StagedFolder, AppearsWholeAndKeepsWhatIsNotOurs) {
   const Rules keep({[](const std::string&) { return false; }, {}});
   StagedFolder staged(folder / "set/a");
   put_file(staged.path() / "ours", "fourth");
-  expect_refused(Status::file, {folder / "set/a/ours", "exists"}, [&] { staged.put_in_place(ours); });
+  expect_error(Status::file, {folder / "set/a/ours", "exists"}, [&] { staged.put_in_place(ours); });
   EXPECT_EQ(contents_of(folder / "set/a/ours"), "third");
 }
 
@@ -131,8 +123,8 @@ TEST(Roots, HoldWhatLiesInThemLinksFollowed) {
     EXPECT_TRUE(roots.hold(folder / name)) << name;
   for (const char* name : {"a", "rooted/a", "root/out", "root/folder/a", "root/../a", "root/none/../../a"}) {
     EXPECT_FALSE(roots.hold(folder / name)) << name;
-    expect_refused(Status::file, {"it", folder / name, folder / "root", "allow_outside"},
-                   [&] { roots.need(folder / name, "it"); });
+    expect_error(Status::file, {"it", folder / name, folder / "root", "allow_outside"},
+                 [&] { roots.need(folder / name, "it"); });
   }
   const Rules anywhere({{}, {}, true});
   EXPECT_TRUE(roots.hold(folder / "a"));

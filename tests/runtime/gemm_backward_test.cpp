@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "runtime/column_sum.h"
 #include "runtime/gemm.h"
@@ -112,22 +113,7 @@ TEST_P(GemmBackward, LinearGradientsAreThoseOfDifferences) {
   c.bias = random_floats(elements(n, 1), 3);
   const auto dy = random_floats(elements(m, n), 4);
   const auto differences = [&](std::vector<float>& v) {
-    std::vector<double> out;
-    for (float& at : v) {
-      const auto loss = [&] {
-        const auto y = c.all();
-        double sum = 0;
-        for (std::size_t i = 0; i < y.size(); ++i) sum += dy[i] * y[i];
-        return sum;
-      };
-      const float before = at;
-      at = 1;
-      const double more = loss();
-      at = 0;
-      out.push_back(more - loss());
-      at = before;
-    }
-    return out;
+    return ref::linear_differences(v, [&] { return ref::weighed(c.all(), dy); });
   };
   const Tensor x = ctx().upload({m, k}, c.a.x0), w = ctx().upload({n, k}, c.w), up = ctx().upload({m, n}, dy);
   const Tensor dx = ctx().tensor({m, k}), dw = ctx().tensor({n, k}), db = ctx().tensor({n});

@@ -4,11 +4,11 @@
 
 #include <atomic>
 #include <chrono>
-#include <mutex>
 #include <thread>
 #include <vector>
 
 #include "runtime/fail.h"
+#include "tests/support/refusal.h"
 
 namespace vsplat {
 namespace {
@@ -165,15 +165,12 @@ TEST(ShareOut, OwnersDoWhatIsTheirs) {
 
 TEST(ShareOut, WithNoDeviceLeftItIsAnError) {
   std::atomic<int> lost{0};
-  try {
+  test::expect_error(Status::device, {}, [&] {
     share_out({.items = 9,
                .workers = 3,
                .work = [](std::size_t, std::size_t item) { fail(Status::device, "gone at {}", item); },
                .lost = [&](std::size_t, std::size_t, const Error&) { ++lost; }});
-    FAIL() << "no error";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::device);
-  }
+  });
   EXPECT_EQ(lost, 2);
 }
 

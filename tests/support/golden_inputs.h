@@ -70,12 +70,6 @@ inline Tensor golden_upload(Context& ctx, const Golden& golden, const std::strin
   return ctx.upload(t.shape, t.data, Type::f32, name);
 }
 
-// The gradient of the network's Gaussians that its reference gradients are for. `level`: coarse or final.
-inline GaussianGradients golden_cotangent(Context& ctx, const Golden& golden, const std::string& level) {
-  const auto part = [&](const char* name) { return golden_upload(ctx, golden, "cotangent." + level + "." + name); };
-  return {part("means"), part("scales"), part("quats"), part("opacities"), part("sh")};
-}
-
 // "stage.coarse" or "stage.final".
 inline DeviceGaussians golden_gaussians(Context& ctx, const Golden& golden, const std::string& name) {
   return {golden_upload(ctx, golden, name + ".means"), golden_upload(ctx, golden, name + ".scales"),

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
-#include <limits>
 
 #include "model/base/image.h"
 #include "model/data/mesh_file.h"
@@ -20,6 +18,7 @@
 #include "model/io/views/view_set.h"
 #include "model/views/orbit.h"
 #include "runtime/error.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -27,6 +26,7 @@ namespace {
 
 using Eigen::Vector3d;
 using Eigen::Vector3f;
+using test::expect_error;
 using test::put_file;
 using test::TemporaryFolder;
 
@@ -52,17 +52,6 @@ void write_box(const TemporaryFolder& folder, const Vector3d& size = {2, 2, 2}) 
   write_png(folder / "paint.png", picture);
   put_file(folder / "box.mtl", "newmtl paint\nKd 1 1 1\nmap_Kd paint.png\n");
   put_file(folder / "box.obj", box_obj(size));
-}
-
-void expect_refused(Status status, const std::vector<std::string>& words, const std::function<void()>& body) {
-  try {
-    body();
-    FAIL() << "nothing was refused";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), status) << e.what();
-    for (const std::string& word : words)
-      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what() << " lacks " << word;
-  }
 }
 
 Camera facing(const Vector3d& eye, int size) {
@@ -219,8 +208,8 @@ TEST(SphereCameras, SeeAllOfTheObjectFromAllSides) {
   EXPECT_EQ(sphere_cameras(40, 96, radius, 3, 1)[7].w2c, cameras[7].w2c);
   EXPECT_NE(sphere_cameras(40, 96, radius, 4, 1)[7].w2c, cameras[7].w2c);
   EXPECT_NE(sphere_cameras(40, 96, radius, 3, 2)[7].w2c, cameras[7].w2c);
-  expect_refused(Status::usage, {"0 views"}, [&] { sphere_cameras(0, 96, radius, 3, 1); });
-  expect_refused(Status::usage, {"7 pixels"}, [&] { sphere_cameras(4, 7, radius, 3, 1); });
+  expect_error(Status::usage, {"0 views"}, [&] { sphere_cameras(0, 96, radius, 3, 1); });
+  expect_error(Status::usage, {"7 pixels"}, [&] { sphere_cameras(4, 7, radius, 3, 1); });
 }
 
 TEST(ObjectFolder, IsReadAsViewsAndWrittenTwiceTheSame) {
@@ -253,7 +242,7 @@ TEST(ObjectFolder, LeavesNothingWhereItIsStopped) {
   ObjectOptions options;
   options.views = 3, options.size = 8;
   options.go = [](double done) { return done < 0.5; };
-  expect_refused(Status::cancelled, {}, [&] { write_object(folder / "a/b", random_solid(1, 0), options); });
+  expect_error(Status::cancelled, {}, [&] { write_object(folder / "a/b", random_solid(1, 0), options); });
   EXPECT_TRUE(folder.entries().empty());
 }
 
@@ -263,12 +252,12 @@ TEST(MeshFile, RefusesWhatCannotBeDrawn) {
   const auto refused = [&](const std::string& name, const std::string& content, Status status,
                            const std::string& word) {
     put_file(folder / name, content);
-    expect_refused(status, {folder / name, word}, [&] {
+    expect_error(status, {folder / name, word}, [&] {
       Mesh mesh = load_mesh(folder / name);
       fit_into_cube(mesh);
     });
   };
-  expect_refused(Status::file, {"none.obj"}, [&] { load_mesh(folder / "none.obj"); });
+  expect_error(Status::file, {"none.obj"}, [&] { load_mesh(folder / "none.obj"); });
   refused("noise.glb", "no mesh at all", Status::format, "cannot be read");
   refused("empty.obj", "", Status::format, "cannot be read");
   refused("lost.obj", box_obj({2, 2, 2}, "mtllib lost.mtl\n"), Status::input, "lost.mtl");
@@ -286,8 +275,8 @@ TEST(MeshFile, RefusesWhatCannotBeDrawn) {
   refused("points.ply", ply + "end_header\n0 0 0\n1 0 0\n0 1 0\n", Status::input, "no faces");
   put_file(folder / "plain.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   EXPECT_EQ(load_mesh(folder / "plain.obj").triangles(), 1u);
-  expect_refused(Status::input, {"plain.obj", "texture coordinates"},
-                 [&] { load_mesh(folder / "plain.obj", folder / "paint.png"); });
+  expect_error(Status::input, {"plain.obj", "texture coordinates"},
+               [&] { load_mesh(folder / "plain.obj", folder / "paint.png"); });
   EXPECT_EQ(load_mesh(folder / "bare.obj", folder / "paint.png").triangles(), 12u) << "--texture replaces what is gone";
 }
 

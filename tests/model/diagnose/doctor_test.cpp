@@ -11,6 +11,8 @@
 #include <string>
 
 #include "model/diagnose/personal.h"
+#include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -20,14 +22,7 @@ namespace fs = std::filesystem;
 // A system's files in a temporary folder.
 class System {
  public:
-  System() {
-    std::string name = (fs::temp_directory_path() / "vsplat-system-XXXXXX").string();
-    root_ = mkdtemp(name.data());
-    fs::permissions(root_, fs::perms::all);
-  }
-  ~System() { fs::remove_all(root_); }
-  System(const System&) = delete;
-  System& operator=(const System&) = delete;
+  System() { fs::permissions(root_, fs::perms::all); }
 
   fs::path file(const std::string& path, const std::string& text = "") const {
     fs::create_directories((root_ / path).parent_path());
@@ -41,7 +36,8 @@ class System {
   const fs::path& root() const { return root_; }
 
  private:
-  fs::path root_;
+  test::TemporaryFolder folder_;
+  fs::path root_ = folder_.path();
 };
 
 // A processor's device, its driver's entry, and nothing else.
@@ -197,33 +193,12 @@ TEST(Doctor, TellsAGpuDriverThatGivesNoDevice) {
   EXPECT_FALSE(find(findings_of(looked), "library_without_entry"));
 }
 
-// Sets an environment variable during its lifetime.
-class DriverVariable {
- public:
-  DriverVariable(const char* name, const std::string& value) : name_(name) {
-    if (const char* before = std::getenv(name)) before_ = before;
-    ::setenv(name, value.c_str(), 1);
-  }
-  ~DriverVariable() {
-    if (before_)
-      ::setenv(name_, before_->c_str(), 1);
-    else
-      ::unsetenv(name_);
-  }
-  DriverVariable(const DriverVariable&) = delete;
-  DriverVariable& operator=(const DriverVariable&) = delete;
-
- private:
-  const char* name_;
-  std::optional<std::string> before_;
-};
-
 TEST(DriverEntries, AreThoseThatTheLoaderFinds) {
   const System system;
   const std::string folder = system.file("vendors/b.icd", "libb.so.1\nlibc.so\n").parent_path().string();
   system.file("vendors/a.icd", "/opt/a.so \n");
   system.file("vendors/c.icd.off", "libc.so\n");
-  const DriverVariable vendors("OCL_ICD_VENDORS", folder), files("OCL_ICD_FILENAMES", "/x.so:y.so"),
+  const test::Variable vendors("OCL_ICD_VENDORS", folder), files("OCL_ICD_FILENAMES", "/x.so:y.so"),
       path("OPENCL_VENDOR_PATH", "");
   const DriverEntries ocl_icd = driver_entries(true);
   EXPECT_EQ(ocl_icd.variable, "OCL_ICD_VENDORS");
@@ -240,22 +215,22 @@ TEST(DriverEntries, AreThoseThatTheLoaderFinds) {
 TEST(DriverEntries, MayBeOneFileOrOneLibraryForOclIcd) {
   const System system;
   const fs::path entry = system.file("vendors/a.icd", "liba.so\n");
-  const DriverVariable path("OPENCL_VENDOR_PATH", entry.parent_path().string()), files("OCL_ICD_FILENAMES", "");
+  const test::Variable path("OPENCL_VENDOR_PATH", entry.parent_path().string()), files("OCL_ICD_FILENAMES", "");
   for (const std::string& name : {entry.string(), std::string("a.icd")}) {
-    const DriverVariable vendors("OCL_ICD_VENDORS", name);
+    const test::Variable vendors("OCL_ICD_VENDORS", name);
     const DriverEntries found = driver_entries(true);
     ASSERT_EQ(found.entries.size(), 1u) << name;
     EXPECT_EQ(found.entries[0].file, entry.string());
     EXPECT_EQ(found.entries[0].library, "liba.so");
   }
   {
-    const DriverVariable vendors("OCL_ICD_VENDORS", "libother.so.3");
+    const test::Variable vendors("OCL_ICD_VENDORS", "libother.so.3");
     const DriverEntries found = driver_entries(true);
     ASSERT_EQ(found.entries.size(), 1u);
     EXPECT_EQ(found.entries[0].library, "libother.so.3");
     EXPECT_EQ(driver_entries(false).problem, "is not there");
   }
-  const DriverVariable none("OCL_ICD_VENDORS", "");
+  const test::Variable none("OCL_ICD_VENDORS", "");
   EXPECT_EQ(driver_entries(true).variable, "OPENCL_VENDOR_PATH");
   EXPECT_EQ(driver_entries(true).entries.size(), 1u);
   EXPECT_EQ(driver_entries(false).place, "/etc/OpenCL/vendors");

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "runtime/error.h"
+#include "tests/support/refusal.h"
 
 namespace vsplat {
 namespace {
@@ -46,13 +47,8 @@ TEST(EvaluationViews, ASingleViewOfAGroupIsAnInputAlone) {
   EXPECT_EQ(views.inputs, (std::vector<int>{0, 1, 2, 3}));
   EXPECT_EQ(views.novel, (std::vector<int>{4, 5}));
   positions.resize(4);
-  try {
-    evaluation_views(positions, 4, Protocol::kmeans, 0, "cup");
-    ADD_FAILURE();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::input);
-    EXPECT_EQ(std::string(e.what()), "object cup: 4 views, all of which are inputs: none is left to compare with");
-  }
+  EXPECT_EQ(test::refusal([&] { evaluation_views(positions, 4, Protocol::kmeans, 0, "cup"); }, Status::input),
+            "object cup: 4 views, all of which are inputs: none is left to compare with");
 }
 
 TEST(EvaluationViews, RandomOnesAreTenOthers) {

@@ -194,7 +194,10 @@ TEST(Orientation, TurnsAsExifSays) {
   write_test_png(folder / "a.png", 3, 2, {1, 2, 3, 4, 5, 6}, {.colour_type = PNG_COLOR_TYPE_GRAY});
   write_test_png(folder / "b.png", 3, 2, {1, 2, 3, 4, 5, 6}, {.colour_type = PNG_COLOR_TYPE_GRAY, .depth = 16});
   Image values(3, 2, 3);
-  for (std::size_t k = 0; k < values.data.size(); ++k) values.data[k] = static_cast<float>(k / 3 + 1) / 7;
+  for (std::size_t k = 0; k < values.data.size(); ++k) {
+    const std::size_t pixel = k / 3;
+    values.data[k] = static_cast<float>(pixel + 1) / 7;
+  }
   write_exr_raw(folder / "c.exr", values, Image(3, 2, 1, 1.0f), Image(3, 2, 1));
   for (const auto& [name, most] : {std::pair("a.png", 255.0f), std::pair("b.png", 65535.0f), std::pair("c.exr", 0.0f)})
     for (int i = 1; i <= 8; ++i) {

@@ -3,15 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
-#include <tuple>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/splat.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
+#include "tests/support/gaussian_gradients.h"
 #include "tests/support/scenes.h"
 #include "tests/support/splat_golden.h"
-#include "tests/support/twist.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -48,11 +48,7 @@ Gradient differentiate(Context& ctx, const GaussianChunks& scene, const std::vec
   return result;
 }
 
-class RenderBackwardGolden : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
- protected:
-  Context& ctx() { return test::context(std::get<0>(GetParam())); }
-  const std::string& name() const { return std::get<1>(GetParam()); }
-};
+class RenderBackwardGolden : public test::VectorsTest {};
 
 // Compared with autograd in double, on scenes that avoid thresholds.
 TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
@@ -68,10 +64,10 @@ TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   };
   // Scenes without Gaussians, and scenes without view-dependent colour.
   const bool none = want.count == 0;
-  EXPECT_TRUE(test::close(g.means, want.means, kTolerance, none)) << "means";
-  EXPECT_TRUE(test::close(g.scales, want.scales, kTolerance, none)) << "scales";
-  EXPECT_TRUE(test::close(g.quats, want.quats, kTolerance, none)) << "quats";
-  EXPECT_TRUE(test::close(g.opacities, want.opacities, kTolerance, none)) << "opacities";
+  for (const auto& [name, values] : test::kGaussianFields) {
+    if (values == &Gaussians::sh) continue;
+    EXPECT_TRUE(test::close(g.*values, want.*values, kTolerance, none)) << name;
+  }
   if (none)
     EXPECT_TRUE(all_zero(g.sh) && all_zero(want.sh));
   else
@@ -88,11 +84,7 @@ TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   }
   for (int i = 0; i < 2; ++i) {
     const Gradient again = run();
-    EXPECT_EQ(again.gaussians.means, g.means);
-    EXPECT_EQ(again.gaussians.scales, g.scales);
-    EXPECT_EQ(again.gaussians.quats, g.quats);
-    EXPECT_EQ(again.gaussians.opacities, g.opacities);
-    EXPECT_EQ(again.gaussians.sh, g.sh);
+    test::expect_same(again.gaussians, g);
     EXPECT_EQ(again.poses, got.poses);
   }
 }
@@ -133,56 +125,11 @@ TEST_P(RenderBackward, MatchesDifferences) {
   const Picture cotangent = random_cotangent(cam.width, cam.height);
   const auto loss = [&](const Gaussians& scene, const Camera& camera) {
     const ref::Frame f = ref::render(scene, camera, reference);
-    double sum = 0;
-    const auto add = [&sum](const std::vector<double>& v, const Image& by) {
-      for (std::size_t i = 0; i < v.size(); ++i) sum += v[i] * by.data[i];
-    };
-    add(f.colour, cotangent.colour), add(f.alpha, cotangent.alpha), add(f.depth, cotangent.depth);
-    return sum;
+    return ref::weighed(f.colour, cotangent.colour.data) + ref::weighed(f.alpha, cotangent.alpha.data) +
+           ref::weighed(f.depth, cotangent.depth.data);
   };
   const Gradient got = differentiate(ctx(), upload(ctx(), g), {cam}, options, {cotangent});
-
-  const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name,
-                           std::size_t channels = 1) {
-    std::vector<double> want;
-    Gaussians moved = g;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      float& value = (moved.*field)[i];
-      const float base = value;
-      const auto slope = [&](float h) {
-        const float low = base - h, high = base + h;
-        value = high;
-        const double above = loss(moved, cam);
-        value = low;
-        const double below = loss(moved, cam);
-        value = base;
-        return (above - below) / (static_cast<double>(high) - low);
-      };
-      want.push_back((4 * slope(0x1p-9f) - slope(0x1p-8f)) / 3);
-    }
-    EXPECT_TRUE(test::close_by_channel(values, want, channels, 2e-5)) << name;
-  };
-  compare(got.gaussians.means, &Gaussians::means, "means");
-  compare(got.gaussians.scales, &Gaussians::scales, "scales");
-  compare(got.gaussians.quats, &Gaussians::quats, "quats");
-  compare(got.gaussians.opacities, &Gaussians::opacities, "opacities");
-  compare(got.gaussians.sh, &Gaussians::sh, "sh", 27);
-
-  std::vector<double> pose;
-  for (long i = 0; i < 6; ++i) {
-    const auto slope = [&](double h) {
-      const auto at_step = [&](double step) {
-        Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
-        twist[i] = step;
-        Camera moved = cam;
-        moved.w2c = test::exp_twist(twist) * cam.w2c;
-        return loss(g, moved);
-      };
-      return (at_step(h) - at_step(-h)) / (2 * h);
-    };
-    pose.push_back((4 * slope(0x1p-10) - slope(0x1p-9)) / 3);
-  }
-  EXPECT_TRUE(test::close(std::vector<double>(got.poses[0].begin(), got.poses[0].end()), pose, 2e-5)) << "pose";
+  test::expect_differences(got.gaussians, got.poses[0], g, cam, 0x1p-9f, loss);
 }
 
 // With little memory, sums are computed in another order, which is the only difference allowed.
@@ -203,11 +150,7 @@ TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
                 });
   EXPECT_GT(parts, 1);
   const Gradient got = differentiate(*small, upload(*small, g), {cam}, {}, {cotangent});
-  EXPECT_TRUE(test::close(got.gaussians.means, want.gaussians.means, 1e-5));
-  EXPECT_TRUE(test::close(got.gaussians.scales, want.gaussians.scales, 1e-5));
-  EXPECT_TRUE(test::close(got.gaussians.quats, want.gaussians.quats, 1e-5));
-  EXPECT_TRUE(test::close(got.gaussians.opacities, want.gaussians.opacities, 1e-5));
-  EXPECT_TRUE(test::close(got.gaussians.sh, want.gaussians.sh, 1e-5));
+  test::expect_close(got.gaussians, want.gaussians, 1e-5);
   const auto values = [](const std::array<double, 6>& pose) { return std::vector<double>(pose.begin(), pose.end()); };
   EXPECT_TRUE(test::close(values(got.poses[0]), values(want.poses[0]), 1e-4));
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
@@ -251,27 +194,14 @@ TEST_P(RenderBackward, TakesAScenesChunks) {
   const Camera cam = test::make_camera(c, 47);
   const Picture cotangent = random_cotangent(cam.width, cam.height);
   const auto chunk_at = [&g](Context& on, long i) {
-    const auto first = static_cast<std::ptrdiff_t>(i * kChunkUnit);
-    const auto n = std::min(static_cast<std::ptrdiff_t>(g.count) - first, static_cast<std::ptrdiff_t>(kChunkUnit));
-    const auto part = [&](const std::vector<float>& v, std::ptrdiff_t each) {
-      return std::vector<float>(v.begin() + first * each, v.begin() + (first + n) * each);
-    };
-    Gaussians out;
-    out.count = static_cast<std::size_t>(n);
-    out.sh_degree = g.sh_degree;
-    out.means = part(g.means, 3), out.scales = part(g.scales, 3), out.quats = part(g.quats, 4);
-    out.opacities = part(g.opacities, 1), out.sh = part(g.sh, 12);
-    return upload(on, out);
+    const long first = i * kChunkUnit;
+    return upload(on, g, first, std::min(static_cast<long>(g.count) - first, kChunkUnit));
   };
   const GaussianChunks chunks(static_cast<long>(g.count), g.sh_degree, kChunkUnit, chunk_at);
   ASSERT_EQ(chunks.chunks(), 2);
   const Gradient want = differentiate(ctx(), upload(ctx(), g), {cam}, {}, {cotangent});
   const Gradient got = differentiate(ctx(), chunks, {cam}, {}, {cotangent});
-  EXPECT_EQ(got.gaussians.means, want.gaussians.means);
-  EXPECT_EQ(got.gaussians.scales, want.gaussians.scales);
-  EXPECT_EQ(got.gaussians.quats, want.gaussians.quats);
-  EXPECT_EQ(got.gaussians.opacities, want.gaussians.opacities);
-  EXPECT_EQ(got.gaussians.sh, want.gaussians.sh);
+  test::expect_same(got.gaussians, want.gaussians);
   EXPECT_EQ(got.poses, want.poses);
 }
 
@@ -292,26 +222,13 @@ TEST_P(RenderBackward, IsZeroWhereTheLossIs) {
 
 VSPLAT_FLAVOURS(RenderBackward);
 
-std::string case_name(const ::testing::TestParamInfo<RenderBackwardGolden::ParamType>& info) {
-  return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
-}
-
-INSTANTIATE_TEST_SUITE_P(Committed, RenderBackwardGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::splat_committed())),
-                         case_name);
-INSTANTIATE_TEST_SUITE_P(Made, RenderBackwardGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::splat_made())),
-                         case_name);
-INSTANTIATE_TEST_SUITE_P(CommittedSurfels, RenderBackwardGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::surfels_committed())),
-                         case_name);
-INSTANTIATE_TEST_SUITE_P(MadeSurfels, RenderBackwardGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::surfels_made())),
-                         case_name);
+INSTANTIATE_TEST_SUITE_P(Committed, RenderBackwardGolden, test::in_both_flavours(test::splat_committed()),
+                         test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(Made, RenderBackwardGolden, test::in_both_flavours(test::splat_made()), test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(CommittedSurfels, RenderBackwardGolden, test::in_both_flavours(test::surfels_committed()),
+                         test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(MadeSurfels, RenderBackwardGolden, test::in_both_flavours(test::surfels_made()),
+                         test::vectors_name);
 
 }  // namespace
 }  // namespace vsplat

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 #include "model/render/render.h"
 #include "tests/support/device.h"
 #include "tests/support/splat_golden.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -36,11 +36,7 @@ using test::SplatGolden;
                                        << mean << " (1e-5)";
 }
 
-class RenderGolden : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
- protected:
-  Context& ctx() { return test::context(std::get<0>(GetParam())); }
-  const std::string& name() const { return std::get<1>(GetParam()); }
-};
+class RenderGolden : public test::VectorsTest {};
 
 // Surfels have all maps, volumes the first three.
 const std::pair<const char*, Image Picture::*> kMaps[] = {
@@ -64,26 +60,11 @@ TEST_P(RenderGolden, MatchesAndGivesTheSameBytesEveryTime) {
   }
 }
 
-std::string golden_name(const ::testing::TestParamInfo<RenderGolden::ParamType>& info) {
-  return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
-}
-
-INSTANTIATE_TEST_SUITE_P(Committed, RenderGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::splat_committed())),
-                         golden_name);
-INSTANTIATE_TEST_SUITE_P(Made, RenderGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::splat_made())),
-                         golden_name);
-INSTANTIATE_TEST_SUITE_P(CommittedSurfels, RenderGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::surfels_committed())),
-                         golden_name);
-INSTANTIATE_TEST_SUITE_P(MadeSurfels, RenderGolden,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::surfels_made())),
-                         golden_name);
+INSTANTIATE_TEST_SUITE_P(Committed, RenderGolden, test::in_both_flavours(test::splat_committed()), test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(Made, RenderGolden, test::in_both_flavours(test::splat_made()), test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(CommittedSurfels, RenderGolden, test::in_both_flavours(test::surfels_committed()),
+                         test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(MadeSurfels, RenderGolden, test::in_both_flavours(test::surfels_made()), test::vectors_name);
 
 }  // namespace
 }  // namespace vsplat

@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/surfels.h"
 #include "model/render/render.h"
 #include "model/render/render_backward.h"
+#include "tests/support/close_pictures.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
+#include "tests/support/gaussian_gradients.h"
 #include "tests/support/scenes.h"
-#include "tests/support/twist.h"
 
 namespace vsplat {
 namespace {
@@ -27,27 +29,6 @@ RenderOptions all_maps(bool current = false) {
   return options;
 }
 
-// 99.9 % of the values within 2e-3 of the largest (or `least`), their mean within 1e-5: single pixels flip at the
-// thresholds.
-::testing::AssertionResult maps_close(const Image& got, const std::vector<double>& want, double least) {
-  if (got.data.size() != want.size())
-    return ::testing::AssertionFailure() << got.data.size() << " values, " << want.size() << " expected";
-  double largest = least, sum = 0;
-  for (const double v : want) largest = std::max(largest, std::abs(v));
-  std::vector<double> errors;
-  for (std::size_t i = 0; i < want.size(); ++i) {
-    const double e = std::abs(got.data[i] - want[i]) / largest;
-    if (!std::isfinite(e)) return ::testing::AssertionFailure() << "value " << i << " is " << got.data[i];
-    errors.push_back(e);
-    sum += e;
-  }
-  std::sort(errors.begin(), errors.end());
-  const double q = errors[static_cast<std::size_t>(0.999 * static_cast<double>(errors.size() - 1))];
-  const double mean = sum / static_cast<double>(errors.size());
-  if (q <= 2e-3 && mean <= 1e-5) return ::testing::AssertionSuccess();
-  return ::testing::AssertionFailure() << "99.9 % within " << q << ", mean " << mean;
-}
-
 ref::SurfelOptions reference_of(const RenderOptions& options) {
   ref::SurfelOptions o{{}, options.revision == SurfelRevision::current};
   o.options.near = options.near;
@@ -59,11 +40,11 @@ ref::SurfelOptions reference_of(const RenderOptions& options) {
 void expect_surfels_like_reference(Context& ctx, const Gaussians& g, const Camera& cam, const RenderOptions& options) {
   const ref::SurfelFrame want = ref::render_surfels(g, cam, reference_of(options));
   const Picture got = render_picture(ctx, upload(ctx, g), cam, options);
-  EXPECT_TRUE(maps_close(got.colour, want.colour, 1)) << "colour";
-  EXPECT_TRUE(maps_close(got.alpha, want.alpha, 1)) << "alpha";
-  EXPECT_TRUE(maps_close(got.depth, want.depth, 1)) << "depth";
-  EXPECT_TRUE(maps_close(got.normal, want.normal, 1)) << "normal";
-  EXPECT_TRUE(maps_close(got.distortion, want.distortion, 1e-3)) << "distortion";
+  EXPECT_TRUE(test::close_but_for_flips(got.colour.data, want.colour)) << "colour";
+  EXPECT_TRUE(test::close_but_for_flips(got.alpha.data, want.alpha)) << "alpha";
+  EXPECT_TRUE(test::close_but_for_flips(got.depth.data, want.depth)) << "depth";
+  EXPECT_TRUE(test::close_but_for_flips(got.normal.data, want.normal)) << "normal";
+  EXPECT_TRUE(test::close_but_for_flips(got.distortion.data, want.distortion, 1e-3)) << "distortion";
   // (The median jumps by as much as its own value.)
   std::size_t off = 0;
   for (std::size_t i = 0; i < want.median.size(); ++i)
@@ -161,13 +142,8 @@ struct Cotangent {
                 ctx.upload({h, w, 3}, normal), ctx.upload({h, w}, distortion)};
   }
   double loss(const ref::SurfelFrame& f) const {
-    double sum = 0;
-    const auto add = [&sum](const std::vector<double>& map, const std::vector<float>& by) {
-      for (std::size_t i = 0; i < by.size(); ++i) sum += map[i] * by[i];
-    };
-    add(f.colour, colour), add(f.alpha, alpha), add(f.depth, depth), add(f.normal, normal);
-    add(f.distortion, distortion);
-    return sum;
+    return ref::weighed(f.colour, colour) + ref::weighed(f.alpha, alpha) + ref::weighed(f.depth, depth) +
+           ref::weighed(f.normal, normal) + ref::weighed(f.distortion, distortion);
   }
   std::vector<float> colour, alpha, depth, normal, distortion;
   PictureGradient gradient;
@@ -185,14 +161,6 @@ SurfelsGradient differentiate(Context& ctx, const GaussianChunks& scene, const C
   render_backward(ctx, scene, cam, options, by, out, &result.pose);
   result.gaussians = download(ctx, out, scene.sh_degree);
   return result;
-}
-
-void expect_close(const Gaussians& got, const Gaussians& want, double tolerance) {
-  EXPECT_TRUE(test::close(got.means, want.means, tolerance)) << "means";
-  EXPECT_TRUE(test::close(got.scales, want.scales, tolerance)) << "scales";
-  EXPECT_TRUE(test::close(got.quats, want.quats, tolerance)) << "quats";
-  EXPECT_TRUE(test::close(got.opacities, want.opacities, tolerance)) << "opacities";
-  EXPECT_TRUE(test::close(got.sh, want.sh, tolerance)) << "sh";
 }
 
 // Compared with differences of the reference's maps in double. Every surfel is visible in every pixel, faces the
@@ -226,46 +194,7 @@ TEST_P(RenderSurfels, MatchesDifferences) {
       return by.loss(ref::render_surfels(scene, camera, reference));
     };
     const SurfelsGradient got = differentiate(ctx(), upload(ctx(), g), cam, options, by.gradient);
-    const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name,
-                             std::size_t channels = 1) {
-      std::vector<double> want;
-      Gaussians moved = g;
-      for (std::size_t i = 0; i < values.size(); ++i) {
-        float& value = (moved.*field)[i];
-        const float base = value;
-        const auto slope = [&](float h) {
-          const float low = base - h, high = base + h;
-          value = high;
-          const double above = loss(moved, cam);
-          value = low;
-          const double below = loss(moved, cam);
-          value = base;
-          return (above - below) / (static_cast<double>(high) - low);
-        };
-        want.push_back((4 * slope(0x1p-10f) - slope(0x1p-9f)) / 3);
-      }
-      EXPECT_TRUE(test::close_by_channel(values, want, channels, 2e-5)) << name;
-    };
-    compare(got.gaussians.means, &Gaussians::means, "means");
-    compare(got.gaussians.scales, &Gaussians::scales, "scales");
-    compare(got.gaussians.quats, &Gaussians::quats, "quats");
-    compare(got.gaussians.opacities, &Gaussians::opacities, "opacities");
-    compare(got.gaussians.sh, &Gaussians::sh, "sh", 27);
-    std::vector<double> pose;
-    for (long i = 0; i < 6; ++i) {
-      const auto slope = [&](double h) {
-        const auto at_step = [&](double step) {
-          Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
-          twist[i] = step;
-          Camera moved = cam;
-          moved.w2c = test::exp_twist(twist) * cam.w2c;
-          return loss(g, moved);
-        };
-        return (at_step(h) - at_step(-h)) / (2 * h);
-      };
-      pose.push_back((4 * slope(0x1p-11) - slope(0x1p-10)) / 3);
-    }
-    EXPECT_TRUE(test::close(std::vector<double>(got.pose.begin(), got.pose.end()), pose, 2e-5)) << "pose";
+    test::expect_differences(got.gaussians, got.pose, g, cam, 0x1p-10f, loss);
   }
 }
 
@@ -324,14 +253,14 @@ TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
       GaussianKind::surfel);
   ASSERT_EQ(chunks.chunks(), 2);
   const SurfelsGradient same = differentiate(ctx(), chunks, cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
-  expect_close(same.gaussians, want.gaussians, 0);
+  test::expect_close(same.gaussians, want.gaussians, 0);
   EXPECT_EQ(same.pose, want.pose);
   ContextOptions few;
   few.max_memory_gib = 0.04;
   const auto small = test::open_context(GetParam(), few);
   const SurfelsGradient got =
       differentiate(*small, upload(*small, g), cam, {}, Cotangent(*small, cam.width, cam.height).gradient);
-  expect_close(got.gaussians, want.gaussians, 2e-5);
+  test::expect_close(got.gaussians, want.gaussians, 2e-5);
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
 }
 
@@ -352,7 +281,7 @@ TEST_P(RenderSurfels, AlongWithThePictureIsTheSame) {
   const SceneGradient want = zero_gradient(ctx(), scene), got = zero_gradient(ctx(), scene);
   render_backward(ctx(), scene, cam, all_maps(), loss(ctx(), render(ctx(), scene, cam, all_maps())), want, nullptr);
   render_with_backward(ctx(), scene, cam, all_maps(), loss, got);
-  expect_close(download(ctx(), got, 1), download(ctx(), want, 1), 0);
+  test::expect_close(download(ctx(), got, 1), download(ctx(), want, 1), 0);
 }
 
 VSPLAT_FLAVOURS(RenderSurfels);

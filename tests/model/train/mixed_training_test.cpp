@@ -8,6 +8,7 @@
 #include "model/networks/vsplat/vsplat_model.h"
 #include "tests/support/golden_inputs.h"
 #include "tests/support/mixed.h"
+#include "tests/support/network_vectors.h"
 
 namespace vsplat {
 namespace {
@@ -37,8 +38,8 @@ TEST_P(MixedGradients, OfTheNetworkAreWithinTheirBound) {
     const DeviceCameras cameras = upload_cameras(*ctx, test::golden_cameras(golden));
     VsplatModel::Trained trained =
         model.fine_in_training(*ctx, model.coarse_in_training(*ctx, images, cameras, options, recompute), options);
-    model.backward(*ctx, trained, test::golden_cotangent(*ctx, golden, "coarse"),
-                   test::golden_cotangent(*ctx, golden, "final"), {}, {});
+    model.backward(*ctx, trained, test::cotangents(*ctx, golden, "coarse"), test::cotangents(*ctx, golden, "final"), {},
+                   {});
     std::map<std::string, std::vector<float>> gradients;
     for (const Parameter& p : parameters(config))
       if (p.trained) gradients[p.name] = ctx->read<float>(weights.at(p.name).gradient);

@@ -3,7 +3,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <tuple>
 
 #include "model/base/scene.h"
 #include "model/diagnose/selftest/reference/adamw.h"
@@ -15,7 +14,9 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
+#include "tests/support/network_vectors.h"
 #include "tests/support/training_views.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -50,7 +51,7 @@ bool all_zero(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return v == 0; });
 }
 
-class GoldenGradients : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {};
+class GoldenGradients : public test::VectorsTest {};
 
 // The network alone, for given gradients with respect to its Gaussians.
 TEST_P(GoldenGradients, OfTheNetworkMatch) {
@@ -68,8 +69,8 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
     VsplatModel::Trained trained =
         model.fine_in_training(ctx, model.coarse_in_training(ctx, views.inputs, cameras, options, recompute), options);
     const bool one_level = golden.config().levels == "coarse";
-    model.backward(ctx, trained, test::golden_cotangent(ctx, golden, "coarse"),
-                   one_level ? GaussianGradients() : test::golden_cotangent(ctx, golden, "final"), {},
+    model.backward(ctx, trained, test::cotangents(ctx, golden, "coarse"),
+                   one_level ? GaussianGradients() : test::cotangents(ctx, golden, "final"), {},
                    trained.rays ? test::golden_upload(ctx, golden, "cotangent.plucker") : Tensor());
   };
   run(false);
@@ -143,28 +144,29 @@ TEST_P(GoldenGradients, OfTheLossMatch) {
     EXPECT_LE(std::sqrt(error / norm), 1e-2);
 }
 
-std::string case_name(const ::testing::TestParamInfo<GoldenGradients::ParamType>& info) {
-  return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
-}
 const auto kFlavours = ::testing::Values(Flavour::cpu, Flavour::gpu);
 const auto kQuick = ::testing::ValuesIn(test::quick_training_cases());
 const auto kSlow = ::testing::ValuesIn(test::slow_training_cases());
-INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::cpu), kQuick), case_name);
-INSTANTIATE_TEST_SUITE_P(SlowCases, GoldenGradients, ::testing::Combine(kFlavours, kSlow), case_name);
+INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::cpu), kQuick),
+                         test::vectors_name);
+INSTANTIATE_TEST_SUITE_P(SlowCases, GoldenGradients, ::testing::Combine(kFlavours, kSlow), test::vectors_name);
 // Takes three times as long on a CPU, so only some cases are quick.
-INSTANTIATE_TEST_SUITE_P(Slow, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::gpu), kQuick), case_name);
+INSTANTIATE_TEST_SUITE_P(Slow, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::gpu), kQuick),
+                         test::vectors_name);
 INSTANTIATE_TEST_SUITE_P(Some, GoldenGradients,
                          ::testing::Combine(::testing::Values(Flavour::gpu),
                                             ::testing::Values("train", "train_empty_ste", "train_mirrored")),
-                         case_name);
+                         test::vectors_name);
 INSTANTIATE_TEST_SUITE_P(Committed, GoldenGradients,
-                         ::testing::Combine(kFlavours, ::testing::Values("micro", "micro_noise")), case_name);
+                         ::testing::Combine(kFlavours, ::testing::Values("micro", "micro_noise")), test::vectors_name);
 
 INSTANTIATE_TEST_SUITE_P(Extensions, GoldenGradients,
-                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::extension_cases())), case_name);
+                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::extension_cases())),
+                         test::vectors_name);
 
 INSTANTIATE_TEST_SUITE_P(SlowExtensions, GoldenGradients,
-                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::slow_extension_cases())), case_name);
+                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::slow_extension_cases())),
+                         test::vectors_name);
 
 class Training : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Training);

@@ -146,15 +146,21 @@ TEST(Photographs, AWholePictureComesWithItsMask) {
                      [&] { LoadedPhotograph(photographs, 2).whole(0); });
 }
 
-// A mask that is ignored outside leaves the picture as it is, and says where something is known of it.
-TEST(Photographs, AnIgnoredMaskMarksNoObject) {
-  const TemporaryFolder folder;
-  Photographs photographs = ring_of(1);
-  ListedView& view = photographs.set.views[0];
+// A grey photograph, and a disc as its mask.
+Photographs one_with_mask(const TemporaryFolder& folder) {
+  Photographs out = ring_of(1);
+  ListedView& view = out.set.views[0];
   view.picture = folder / "0.png";
   write_png(view.picture.string(), Image(640, 480, 3, 0.6f));
   view.mask = folder / "mask.png";
   write_png(folder / "mask.png", disc(1));
+  return out;
+}
+
+// A mask that is ignored outside leaves the picture as it is, and says where something is known of it.
+TEST(Photographs, AnIgnoredMaskMarksNoObject) {
+  const TemporaryFolder folder;
+  Photographs photographs = one_with_mask(folder);
   photographs.masks = MaskUse::ignore;
   const auto known = [&](int longest) {
     LoadedPhotograph one(photographs, 0);
@@ -179,12 +185,7 @@ TEST(Photographs, AnIgnoredMaskMarksNoObject) {
 
 TEST(Photographs, AnInvertedMaskShowsTheObjectInBlack) {
   const TemporaryFolder folder;
-  Photographs photographs = ring_of(1);
-  ListedView& view = photographs.set.views[0];
-  view.picture = folder / "0.png";
-  write_png(view.picture.string(), Image(640, 480, 3, 0.6f));
-  view.mask = folder / "mask.png";
-  write_png(folder / "mask.png", disc(1));
+  Photographs photographs = one_with_mask(folder);
   const auto alpha = [&] { return LoadedPhotograph(photographs, 0).whole(0).image; };
   EXPECT_EQ(alpha().at(320, 240)[3], 1);
   EXPECT_EQ(alpha().at(0, 0)[3], 0);

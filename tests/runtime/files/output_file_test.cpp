@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "runtime/error.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -38,14 +39,8 @@ TEST(OutputFile, WhatAKilledProcessOfThatNumberHasLeftIsNotInTheWay) {
 
 TEST(OutputFile, TellsWhatCannotBeCreated) {
   const test::TemporaryFolder folder;
-  try {
-    const OutputFile file(folder.path("none/t.json"));
-    FAIL();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::file);
-    EXPECT_NE(std::string(e.what()).find("t.json: cannot be created as "), std::string::npos) << e.what();
-    EXPECT_NE(std::string(e.what()).find(".tmp: No such file"), std::string::npos) << e.what();
-  }
+  test::expect_error(Status::file, {"t.json: cannot be created as ", ".tmp: No such file"},
+                     [&] { const OutputFile file(folder.path("none/t.json")); });
 }
 
 }  // namespace

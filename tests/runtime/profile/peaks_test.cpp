@@ -2,38 +2,19 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
-
 #include "runtime/clock.h"
 #include "runtime/profile/profiler.h"
-#include "runtime/system/environment.h"
 #include "tests/support/device.h"
+#include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
 
-namespace fs = std::filesystem;
-
 // A separate cache folder for the test.
 class PeaksTest : public ::testing::Test {
- protected:
-  PeaksTest() : before_(environment("VSPLAT_CACHE_DIR")) {
-    std::string name = (fs::temp_directory_path() / "vsplat-peaks-XXXXXX").string();
-    folder = ::mkdtemp(name.data());
-    ::setenv("VSPLAT_CACHE_DIR", folder.c_str(), 1);
-  }
-  ~PeaksTest() override {
-    if (before_.empty())
-      ::unsetenv("VSPLAT_CACHE_DIR");
-    else
-      ::setenv("VSPLAT_CACHE_DIR", before_.c_str(), 1);
-    fs::remove_all(folder);
-  }
-  std::string folder;
-
- private:
-  std::string before_;
+  const test::TemporaryFolder folder_;
+  const test::Variable cache_{"VSPLAT_CACHE_DIR", folder_.path()};
 };
 
 TEST_F(PeaksTest, AreMeasuredOnceAndDated) {

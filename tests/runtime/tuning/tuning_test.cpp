@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <set>
 
 #include "runtime/error.h"
@@ -12,6 +11,7 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -28,23 +28,6 @@ TunedValues with(const TunedDeclaration& of, const char* name, long value) {
     if (std::string(of.parameters[i].name) == name) out.values[i] = value;
   return out;
 }
-
-// Sets an environment variable during its lifetime.
-class Setting {
- public:
-  Setting(const char* name, const std::string& value) : name_(name) {
-    const char* was = std::getenv(name);
-    if (was) before_ = was;
-    ::setenv(name, value.c_str(), 1);
-  }
-  ~Setting() { before_ ? ::setenv(name_, before_->c_str(), 1) : ::unsetenv(name_); }
-  Setting(const Setting&) = delete;
-  Setting& operator=(const Setting&) = delete;
-
- private:
-  const char* name_;
-  std::optional<std::string> before_;
-};
 
 std::string message_of(const std::function<void()>& call) {
   try {
@@ -172,12 +155,12 @@ TEST(TuningTable, WhatIsWrongIsNamed) {
 
 TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
   const TemporaryFolder folder;
-  const Setting cache("VSPLAT_CACHE_DIR", folder / "cache");
+  const test::Variable cache("VSPLAT_CACHE_DIR", folder / "cache");
   const Context& ctx = test::context(Flavour::gpu);
   const TuningTable table = a_table(ctx);
   const std::string hash = table.choice.hash();
   {
-    const Setting unset("VSPLAT_TUNING", "");
+    const test::Variable unset("VSPLAT_TUNING", "");
     EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), "");
     write_tuning(tuning_path(table.of), table);
     EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), hash);
@@ -191,12 +174,12 @@ TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
     EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), "");  // other users may have written it
   }
   {
-    const Setting off("VSPLAT_TUNING", "off");
+    const test::Variable off("VSPLAT_TUNING", "off");
     EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), "");
   }
   const std::string path = folder / "mine.json";
   write_tuning(path, table);
-  const Setting named("VSPLAT_TUNING", path);
+  const test::Variable named("VSPLAT_TUNING", path);
   EXPECT_EQ(tuning_for(ctx.device(), Flavour::gpu)->hash(), hash);
   const std::string other = message_of([&] { tuning_for(ctx.device(), Flavour::cpu); });
   EXPECT_NE(other.find(path + " (VSPLAT_TUNING) is a table for "), std::string::npos) << other;
@@ -242,7 +225,7 @@ TEST(HeldTuning, SaysWhatWasSwitchedOff) {
 // is used.
 TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
   const TemporaryFolder folder;
-  const Setting cache("VSPLAT_CACHE_DIR", folder / "cache"), judged("VSPLAT_SELFTEST", "");
+  const test::Variable cache("VSPLAT_CACHE_DIR", folder / "cache"), judged("VSPLAT_SELFTEST", "");
   const DeviceInfo device = test::context(Flavour::gpu).device();
   const TunedDeclaration& of = gemm_of(Flavour::gpu);
   const TunedShape wrong{TunedOp::gemm, {1024, 768, 768, 1}}, right{TunedOp::gemm, {1024, 96, 96, 1}};
@@ -258,7 +241,7 @@ TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
   const std::string named = folder / "named.json";
   for (const std::string& path : {tuning_path(table.of), named}) {
     write_tuning(path, table);
-    const Setting tuning("VSPLAT_TUNING", path == named ? path : "");
+    const test::Variable tuning("VSPLAT_TUNING", path == named ? path : "");
     const auto ctx = test::open_context(Flavour::gpu);
     EXPECT_EQ(ctx->tuned(wrong), default_values(of));
     EXPECT_EQ(ctx->tuned(right), all_values(of).back());
@@ -268,12 +251,12 @@ TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
     const std::string told = message_of([&] { refuse_other_tuning(*ctx, {{"tuning", hash}}, "run"); });
     for (const std::string& words : {hash.substr(0, 12), std::string("refused"), name})
       EXPECT_NE(told.find(words), std::string::npos) << told;
-    const Setting ignored("VSPLAT_SELFTEST", "ignore");
+    const test::Variable ignored("VSPLAT_SELFTEST", "ignore");
     EXPECT_EQ(test::open_context(Flavour::gpu)->tuning().hash(), hash);
   }
   table.choice.set(wrong, with(of, "tile", 128));
   write_tuning(named, table);
-  const Setting tuning("VSPLAT_TUNING", named);
+  const test::Variable tuning("VSPLAT_TUNING", named);
   const auto ctx = test::open_context(Flavour::gpu);
   EXPECT_EQ(ctx->tuning().hash(), table.choice.hash());
   EXPECT_FALSE(ctx->switched_off().tuned);

@@ -15,7 +15,9 @@
 #include "runtime/tuning/kept_verdicts.h"
 #include "runtime/tuning/tuning.h"
 #include "tests/support/device.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -24,41 +26,21 @@ namespace fs = std::filesystem;
 
 class VerdictTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    cache_ = variable("VSPLAT_CACHE_DIR"), kernels_ = variable("VSPLAT_KERNEL_DIR"),
-    ignore_ = variable("VSPLAT_SELFTEST");
-    ::setenv("VSPLAT_CACHE_DIR", (home_ / "deep/cache").c_str(), 1);
-    ::unsetenv("VSPLAT_KERNEL_DIR");
-    ::unsetenv("VSPLAT_SELFTEST");
-    device_.name = "a device", device_.driver = "1.0";
-  }
-  void TearDown() override {
-    restore("VSPLAT_CACHE_DIR", cache_), restore("VSPLAT_KERNEL_DIR", kernels_), restore("VSPLAT_SELFTEST", ignore_);
-  }
-  static std::optional<std::string> variable(const char* name) {
-    const char* value = std::getenv(name);
-    return value ? std::optional<std::string>(value) : std::nullopt;
-  }
-  static void restore(const char* name, const std::optional<std::string>& value) {
-    value ? ::setenv(name, value->c_str(), 1) : ::unsetenv(name);
-  }
+  VerdictTest() { device_.name = "a device", device_.driver = "1.0"; }
   // The warnings during the call.
   static std::string warned(const std::function<void()>& call) {
-    std::string out;
-    set_log_sink([&](LogLevel level, const std::string& text) {
-      if (level == LogLevel::warning) out += text;
-    });
+    const test::Warnings warnings;
     call();
-    set_log_sink(nullptr);
-    return out;
+    return warnings.text();
   }
   fs::path file() const {
     for (const auto& entry : fs::directory_iterator(home_ / "deep/cache/verdicts")) return entry.path();
     return {};
   }
 
-  test::TemporaryFolder home_;
-  std::optional<std::string> cache_, kernels_, ignore_;
+  const test::TemporaryFolder home_;
+  const test::Variable cache_{"VSPLAT_CACHE_DIR", home_ / "deep/cache"}, kernels_{"VSPLAT_KERNEL_DIR", nullptr},
+      ignore_{"VSPLAT_SELFTEST", nullptr};
   DeviceInfo device_;
 };
 
@@ -94,15 +76,9 @@ TEST_F(VerdictTest, AnUnusableDeviceIsRefusedButWhereItIsIgnored) {
   Verdict verdict{Fitness::unusable, {}, "kernel k is off by 0.5", "2026-11-23"};
   verdict.off.cpu = verdict.off.gpu = true;
   ASSERT_TRUE(remember(device_, verdict));
-  try {
-    fit_for_use(device_);
-    FAIL();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::device);
-    for (const char* words :
-         {"a device", "driver 1.0", "kernel k is off by 0.5", "2026-11-23", "VSPLAT_SELFTEST=ignore"})
-      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
-  }
+  test::expect_error(Status::device,
+                     {"a device", "driver 1.0", "kernel k is off by 0.5", "2026-11-23", "VSPLAT_SELFTEST=ignore"},
+                     [&] { fit_for_use(device_); });
   ::setenv("VSPLAT_SELFTEST", "ignore", 1);
   EXPECT_FALSE(fit_for_use(device_).any());
 }
@@ -121,10 +97,8 @@ TEST_F(VerdictTest, IsBelievedWhateverTheUmask) {
   ASSERT_TRUE(remembered);
   EXPECT_TRUE(remembered_verdict(device_));
   EXPECT_TRUE(cache.load("a"));
-  const std::optional<std::string> tuning = variable("VSPLAT_TUNING");
-  ::unsetenv("VSPLAT_TUNING");
+  const test::Variable tuning("VSPLAT_TUNING", nullptr);
   EXPECT_EQ(tuning_for(device_, Flavour::cpu)->hash(), table.choice.hash());
-  restore("VSPLAT_TUNING", tuning);
 }
 
 // A self-test decides itself what is switched off, and finds the same errors again.

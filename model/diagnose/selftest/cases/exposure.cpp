@@ -4,27 +4,13 @@
 
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/random_values.h"
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/loss.h"
 #include "model/ops/fit/exposure.h"
 #include "model/ops/render/rasterize.h"
 
 namespace vsplat::selftest {
 namespace {
-
-// Central differences of a function of the numbers `at`, of every `stride`-th and the last.
-template <class Loss>
-std::vector<double> differences_of(std::vector<double> at, double step, const Loss& loss) {
-  std::vector<double> out;
-  for (double& x : at) {
-    const double here = x;
-    x = here + step;
-    const double up = loss(at);
-    x = here - step;
-    out.push_back((up - loss(at)) / (2 * step));
-    x = here;
-  }
-  return out;
-}
 
 void exposure_all(Checks& c) {
   for (const auto& [h, w] :
@@ -36,26 +22,19 @@ void exposure_all(Checks& c) {
     const Tensor m = c.up({12}, map), out = c.gap({h, w, 3}), dmap = c.gap({12});
     exposure_forward(c.ctx, {m, drawn, kBehindPictures, out});
     const std::array<double, 3> behind{kBehindPictures[0], kBehindPictures[1], kBehindPictures[2]};
-    const auto dm = as_doubles(map), dc = as_doubles(colour), da = as_doubles(alpha);
+    auto dm = as_doubles(map), dc = as_doubles(colour), da = as_doubles(alpha);
     c.close("forward", out, ref::exposure(dm, dc, da, behind), 1e-6);
     const PictureGradient to{c.up({h, w, 3}, by), c.up({h, w}, dalpha), {}};
     exposure_backward(c.ctx, {m, drawn, kBehindPictures, to, dmap});
-    const auto value = [&](const auto& x, const auto& y, const auto& z) {
-      const auto shown = ref::exposure(x, y, z, behind);
-      double sum = 0;
-      for (std::size_t i = 0; i < shown.size(); ++i) sum += by[i] * shown[i];
-      return sum;
-    };
+    const auto value = [&] { return ref::weighed(ref::exposure(dm, dc, da, behind), by); };
     c.close(
-        "backward, dmap", dmap, [&] { return differences_of(dm, 1, [&](const auto& x) { return value(x, dc, da); }); },
-        2e-6);
+        "backward, dmap", dmap, [&] { return ref::central_differences(dm, 1, value); }, 2e-6);
     c.close(
-        "backward, colour", to.colour,
-        [&] { return differences_of(dc, 1, [&](const auto& x) { return value(dm, x, da); }); }, 2e-6);
+        "backward, colour", to.colour, [&] { return ref::central_differences(dc, 1, value); }, 2e-6);
     c.close(
         "backward, alpha", to.alpha,
         [&] {
-          auto sums = differences_of(da, 1, [&](const auto& x) { return value(dm, dc, x); });
+          auto sums = ref::central_differences(da, 1, value);
           for (std::size_t i = 0; i < n; ++i) sums[i] += dalpha[i];
           return sums;
         },

@@ -5,25 +5,11 @@
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/camera_ring.h"
 #include "model/diagnose/selftest/inputs/random_values.h"
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/ops/fit/sky_background.h"
 
 namespace vsplat::selftest {
 namespace {
-
-// The derivative of value() by each number of `at`, of which it is a linear function.
-template <class Value>
-std::vector<double> slopes_by(std::vector<double>& at, const Value& value) {
-  std::vector<double> out;
-  for (double& x : at) {
-    const double here = x;
-    x = here + 1;
-    const double up = value();
-    x = here - 1;
-    out.push_back((up - value()) / 2);
-    x = here;
-  }
-  return out;
-}
 
 void sky_background_all(Checks& c) {
   for (const auto& [h, w] :
@@ -46,18 +32,13 @@ void sky_background_all(Checks& c) {
     c.close("forward", out, ref::over_sky(dx, camera, dc, da), 2e-6);
     const PictureGradient to{c.up({h, w, 3}, by), c.up({h, w}, dalpha), {}};
     sky_background_backward(c.ctx, {x, view, drawn, to, dsh});
-    const auto value = [&] {
-      const auto shown = ref::over_sky(dx, camera, dc, da);
-      double sum = 0;
-      for (std::size_t i = 0; i < shown.size(); ++i) sum += by[i] * shown[i];
-      return sum;
-    };
+    const auto value = [&] { return ref::weighed(ref::over_sky(dx, camera, dc, da), by); };
     c.close(
-        "backward, coefficients", dsh, [&] { return slopes_by(dx, value); }, 1e-5);
+        "backward, coefficients", dsh, [&] { return ref::central_differences(dx, 1, value); }, 1e-5);
     c.close(
         "backward, alpha", to.alpha,
         [&] {
-          auto sums = slopes_by(da, value);
+          auto sums = ref::central_differences(da, 1, value);
           for (std::size_t i = 0; i < n; ++i) sums[i] += dalpha[i];
           return sums;
         },

@@ -3,10 +3,13 @@
 #include <cmath>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/differences.h"
+
 namespace vsplat::ref {
 
 inline std::vector<double> confidence(const std::vector<double>& logits, bool softmax) {
   std::vector<double> out;
+  out.reserve(logits.size());
   double total = 0;
   for (const double x : logits) total += std::exp(x);
   for (const double x : logits) out.push_back(softmax ? std::exp(x) / total : 1 / (1 + std::exp(-x)));
@@ -23,17 +26,7 @@ inline std::vector<double> confidence_backward(std::vector<double> logits, bool 
     for (std::size_t i = 0; i < x.size(); ++i) sum += c[i / channels] * x[i] * dy[i];
     return sum;
   };
-  constexpr double step = 1e-5;
-  std::vector<double> out;
-  for (double& at : logits) {
-    const double before = at;
-    at = before + step;
-    const double above = loss();
-    at = before - step;
-    out.push_back((above - loss()) / (2 * step));
-    at = before;
-  }
-  return out;
+  return central_differences(logits, 1e-5, loss);
 }
 
 }  // namespace vsplat::ref

@@ -42,8 +42,39 @@ double derivative_by(float& value, double step, const Loss& loss) {
   return out;
 }
 
+// The derivatives of loss() by each of `values`, by two points at a distance of `step`.
+template <class Loss>
+std::vector<double> central_differences(std::vector<double>& values, double step, const Loss& loss) {
+  std::vector<double> out;
+  for (double& value : values) {
+    const double base = value;
+    value = base + step;
+    const double above = loss();
+    value = base - step;
+    out.push_back((above - loss()) / (2 * step));
+    value = base;
+  }
+  return out;
+}
+
+// The same where the loss is linear in each of the values alone, so that any two points do.
+template <class Number, class Loss>
+std::vector<double> linear_differences(std::vector<Number>& values, const Loss& loss) {
+  std::vector<double> out;
+  for (Number& value : values) {
+    const Number base = value;
+    value = 1;
+    const double above = loss();
+    value = -1;
+    out.push_back((above - loss()) / 2);
+    value = base;
+  }
+  return out;
+}
+
 // What a loss with these derivatives says of a map; 0 where there are none.
-inline double weighed(const std::vector<double>& map, const std::vector<float>& by) {
+template <class Number>
+double weighed(const std::vector<double>& map, const std::vector<Number>& by) {
   double sum = 0;
   for (std::size_t i = 0; i < by.size(); ++i) sum += map[i] * by[i];
   return sum;

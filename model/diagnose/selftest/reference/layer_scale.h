@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/differences.h"
+
 namespace vsplat::ref {
 
 struct LayerScaleCase {
@@ -19,22 +21,7 @@ struct LayerScaleCase {
   // The gradient of sum(dy forward()) by one of the three.
   std::vector<double> gradient(std::vector<double> LayerScaleCase::*by, const std::vector<float>& dy) const {
     LayerScaleCase at = *this;
-    const auto loss = [&] {
-      const auto y = at.forward();
-      double sum = 0;
-      for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
-      return sum;
-    };
-    std::vector<double> out;
-    for (double& x : at.*by) {  // linear in each alone: any step does
-      const double before = x;
-      x = before + 0.5;
-      const double above = loss();
-      x = before - 0.5;
-      out.push_back(above - loss());
-      x = before;
-    }
-    return out;
+    return linear_differences(at.*by, [&] { return weighed(at.forward(), dy); });
   }
 };
 

@@ -1,5 +1,6 @@
 // What the views show at points, in double, from the definition.
 #pragma once
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/project_features.h"
 
 namespace vsplat::ref {
@@ -52,23 +53,13 @@ struct SamplePointsCase {
     return gradient;
   }
   std::vector<double> maps_gradient(const std::vector<float>& dout) const {
-    constexpr double step = 1e-6;
     SamplePointsCase moved = *this;
-    std::vector<double> gradient;
     const auto loss_of_all = [&] {
       double sum = 0;
       for (std::size_t p = 0; 3 * p < points.size(); ++p) sum += moved.loss(p, dout);
       return sum;
     };
-    for (double& x : moved.maps) {
-      const double before = x;
-      x = before + step;
-      const double more = loss_of_all();
-      x = before - step;
-      gradient.push_back((more - loss_of_all()) / (2 * step));
-      x = before;
-    }
-    return gradient;
+    return central_differences(moved.maps, 1e-6, loss_of_all);
   }
 };
 

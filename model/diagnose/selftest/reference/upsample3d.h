@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/differences.h"
+
 namespace vsplat::ref {
 
 template <class T>
@@ -47,11 +49,8 @@ inline std::vector<double> upsample3d_backward(const std::vector<float>& dy, lon
   std::vector<float> one(dy.size() / 8, 0.0f);
   for (float& v : one) {
     v = 1.0f;
-    const std::vector<double> y = upsample3d(one, depth, height, width, c);
+    dx.push_back(weighed(upsample3d(one, depth, height, width, c), dy));
     v = 0.0f;
-    double sum = 0;
-    for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
-    dx.push_back(sum);
   }
   return dx;
 }

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/differences.h"
+
 namespace vsplat::ref {
 
 struct UpscaleCase {
@@ -25,7 +27,8 @@ struct UpscaleCase {
       }
       for (const bool cosine : {false, true})
         for (std::size_t i = 0; i < 3 * n; ++i) {
-          const double phase = std::pow(2.0, static_cast<double>(i / 3)) * unit * offset[i % 3];
+          const std::size_t octave = i / 3;
+          const double phase = std::pow(2.0, static_cast<double>(octave)) * unit * offset[i % 3];
           out.wide.push_back(cosine ? std::cos(phase) : std::sin(phase));
         }
       for (std::size_t i = 0; i < c; ++i) out.wide.push_back(feature[p * c + i]);
@@ -39,22 +42,9 @@ struct UpscaleCase {
     UpscaleCase moved = *this;
     const auto loss = [&] {
       const Result out = moved.forward();
-      double sum = 0;
-      for (std::size_t i = 0; i < dchildren.size(); ++i) sum += dchildren[i] * out.children[i];
-      for (std::size_t i = 0; i < dwide.size(); ++i) sum += dwide[i] * out.wide[i];
-      return sum;
+      return weighed(out.children, dchildren) + weighed(out.wide, dwide);
     };
-    constexpr double step = 1e-5;
-    std::vector<double> gradient;
-    for (double& x : moved.*by) {
-      const double before = x;
-      x = before + step;
-      const double above = loss();
-      x = before - step;
-      gradient.push_back((above - loss()) / (2 * step));
-      x = before;
-    }
-    return gradient;
+    return central_differences(moved.*by, 1e-5, loss);
   }
 };
 

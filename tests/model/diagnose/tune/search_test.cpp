@@ -12,7 +12,9 @@
 #include "model/diagnose/tune/tune_case.h"
 #include "runtime/files/folder_lock.h"
 #include "tests/support/device.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -125,7 +127,7 @@ TEST(TuneCase, FindsWhatIsWrong) {
 // A choice that is wrong on this driver is reported and removed from the table; the rest stays.
 TEST(CheckChosen, TellsAndRefuses) {
   const test::TemporaryFolder folder;
-  ::setenv("VSPLAT_CACHE_DIR", folder.path("cache").c_str(), 1);
+  const test::Variable cache("VSPLAT_CACHE_DIR", folder / "cache");
   const auto ctx = test::open_context(Flavour::gpu);
   const TunedDeclaration& of = *tuned_declaration(TunedOp::gemm, Flavour::gpu);
   TuningTable table;
@@ -153,7 +155,6 @@ TEST(CheckChosen, TellsAndRefuses) {
   ASSERT_EQ(now.choice.chosen().size(), 1u);
   EXPECT_EQ(now.choice.chosen().begin()->first.sizes[1], 33);
   EXPECT_EQ(refuse_chosen(*ctx, {checked[1]}), 0);
-  ::unsetenv("VSPLAT_CACHE_DIR");
 }
 
 // A lack of memory says nothing about a table's choices.
@@ -164,12 +165,7 @@ TEST(CheckChosen, NeedsRoom) {
   Tuning choice;
   choice.set({TunedOp::gemm, {4000, 33, 40, 1}}, all_values(*tuned_declaration(TunedOp::gemm, Flavour::gpu)).back());
   ctx->use_tuning(std::make_shared<const Tuning>(choice));
-  try {
-    check_chosen(*ctx);
-    ADD_FAILURE() << "not refused";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::memory) << e.what();
-  }
+  test::expect_error(Status::memory, {}, [&] { check_chosen(*ctx); });
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "model/diagnose/tune/search.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -18,9 +19,6 @@ using tuning::TriedTable;
 // Uses its own cache, and an operation with three sets that take little time.
 class SearchTable : public ::testing::Test {
  protected:
-  void SetUp() override { ::setenv("VSPLAT_CACHE_DIR", folder_.path("cache").c_str(), 1); }
-  void TearDown() override { ::unsetenv("VSPLAT_CACHE_DIR"); }
-
   static const TunedDeclaration& of() { return *tuned_declaration(TunedOp::rasterize_forward, Flavour::cpu); }
   static TunedShape shape() { return class_of(of(), {TunedOp::rasterize_forward, {16, 16 * 40}}); }
   static TunedValues set(long batch) { return {&of(), {batch}}; }
@@ -67,6 +65,7 @@ class SearchTable : public ::testing::Test {
   }
 
   const test::TemporaryFolder folder_;
+  const test::Variable cache_{"VSPLAT_CACHE_DIR", folder_ / "cache"};
 };
 
 TEST_F(SearchTable, EachChoiceIsKeptByItsHash) {

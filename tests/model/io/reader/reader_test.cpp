@@ -19,6 +19,7 @@
 #include "model/io/reader/sanitized.h"
 #include "model/io/reader/start_program.h"
 #include "tests/support/hdf5_writer.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -30,19 +31,9 @@ using read::Descriptor;
 using read::Kind;
 using read::MeshCorner;
 using read::Packer;
+using test::expect_error;
 using test::put_file;
 using test::TemporaryFolder;
-
-void expect_error(Status status, const std::vector<std::string>& words, const std::function<void()>& body) {
-  try {
-    body();
-    FAIL() << "no error";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), status) << e.what();
-    for (const std::string& word : words)
-      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what() << " lacks " << word;
-  }
-}
 
 constexpr const char* triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 

@@ -2,50 +2,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <limits>
-#include <random>
 
-#include "model/io/scene/ply.h"
-#include "runtime/error.h"
-#include "runtime/files/file.h"
-#include "tests/support/refusal.h"
+#include "tests/model/io/scene/ply_fixture.h"
 #include "tests/support/scenes.h"
-#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
 
-class PlySurfels : public ::testing::Test {
- protected:
-  std::string path() const { return folder_ / "scene.ply"; }
-  void put(const std::string& bytes) const { std::ofstream(path(), std::ios::binary) << bytes; }
-  std::string bytes() const {
-    const auto data = read_file(path());
-    return {data.begin(), data.end()};
-  }
-  // The error message for these bytes; "" if there is none.
-  std::string complaint(const std::string& content) const {
-    put(content);
-    try {
-      read_ply(path());
-    } catch (const Error& e) {
-      EXPECT_EQ(e.status(), Status::format) << e.what();
-      return e.what();
-    }
-    return "";
-  }
+using test::floats;
 
-  test::TemporaryFolder folder_;
-  test::Warnings warnings_;
-};
-
-std::string floats(const std::vector<float>& values) {
-  std::string out(values.size() * 4, '\0');
-  std::memcpy(out.data(), values.data(), out.size());
-  return out;
-}
+class PlySurfels : public test::PlyFixture {};
 
 // Volumes without their third scales.
 Gaussians make_surfels(std::size_t count) {
@@ -95,22 +62,7 @@ TEST_F(PlySurfels, SurfelsComeBack) {
   EXPECT_EQ(warnings_.text(), "");
 }
 
-// Cut off anywhere, or with any byte changed: an error or a scene, never a crash.
-TEST_F(PlySurfels, SurviveDamage) {
-  Scene scene;
-  scene.gaussians = make_surfels(20);
-  write_ply(path(), scene);
-  const std::string good = bytes();
-  for (std::size_t n = 0; n < good.size(); n += n < 900 ? 5 : 97)
-    EXPECT_NE(complaint(good.substr(0, n)), "") << n << " bytes";
-  std::mt19937 engine(5);
-  for (int i = 0; i < 400; ++i) {
-    std::string bad = good;
-    const std::size_t at = engine() % (i % 2 ? 800 : bad.size());
-    bad[at] = static_cast<char>(bad[at] ^ (1 << engine() % 8));
-    complaint(bad);
-  }
-}
+TEST_F(PlySurfels, SurviveDamage) { expect_survives_damage(make_surfels(20)); }
 
 // As other programs write them: as text, in another order.
 TEST_F(PlySurfels, ReadsOthersSurfels) {

@@ -7,52 +7,18 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <random>
 
-#include "runtime/error.h"
-#include "runtime/files/file.h"
-#include "tests/support/refusal.h"
+#include "tests/model/io/scene/ply_fixture.h"
 #include "tests/support/scenes.h"
-#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
 
-class Ply : public ::testing::Test {
- protected:
-  std::string path(const std::string& name = "scene.ply") const { return folder_ / name; }
-  std::string put(const std::string& bytes) const {
-    std::ofstream(path(), std::ios::binary) << bytes;
-    return path();
-  }
-  std::string bytes() const {
-    const auto data = read_file(path());
-    return {data.begin(), data.end()};
-  }
-  // The error message for these bytes, with the expected status; "" if there is none.
-  std::string complaint(const std::string& content, Status status = Status::format) const {
-    put(content);
-    try {
-      read_ply(path());
-    } catch (const Error& e) {
-      EXPECT_EQ(e.status(), status) << e.what();
-      EXPECT_NE(std::string(e.what()).find(path()), std::string::npos) << e.what();
-      return e.what();
-    }
-    return "";
-  }
+using test::floats;
 
-  test::TemporaryFolder folder_;
-  test::Warnings warnings_;
-};
-
-std::string floats(const std::vector<float>& values) {
-  std::string out(values.size() * 4, '\0');
-  std::memcpy(out.data(), values.data(), out.size());
-  return out;
-}
+class Ply : public test::PlyFixture {};
 
 std::string header(int count, const std::vector<std::string>& properties, const std::string& more = "") {
   std::string out = "ply\nformat binary_little_endian 1.0\n" + more + "element vertex " + std::to_string(count) + "\n";
@@ -431,22 +397,7 @@ TEST_F(Ply, RefusesColoursThatOverflow) {
             std::string::npos);
 }
 
-// Cut off anywhere, or with any byte changed: an error or a scene, never a crash.
-TEST_F(Ply, SurvivesDamage) {
-  Scene scene;
-  scene.gaussians = test::make_scene({"", 20, 1, 0, 0, ""}, 3);
-  write_ply(path(), scene);
-  const std::string good = bytes();
-  for (std::size_t n = 0; n < good.size(); n += n < 900 ? 5 : 97)
-    EXPECT_NE(complaint(good.substr(0, n)), "") << n << " bytes";
-  std::mt19937 engine(5);
-  for (int i = 0; i < 400; ++i) {
-    std::string bad = good;
-    const std::size_t at = engine() % (i % 2 ? 800 : bad.size());
-    bad[at] = static_cast<char>(bad[at] ^ (1 << engine() % 8));
-    complaint(bad);
-  }
-}
+TEST_F(Ply, SurvivesDamage) { expect_survives_damage(test::make_scene({"", 20, 1, 0, 0, ""}, 3)); }
 
 TEST_F(Ply, WritesNothingThatIsNoNumber) {
   Scene scene;

@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <set>
 
 #include "model/networks/params/params.h"
@@ -12,26 +11,16 @@
 #include "model/ops/render/radix_sort.h"
 #include "model/ops/volume/cell_map.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/network_vectors.h"
 #include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
 
+using test::drawings;
 using test::GendenGolden;
-
-const char* const kFields[] = {"means", "scales", "quats", "opacities", "sh"};
-
-Tensor upload(Context& ctx, const GendenGolden& golden, const std::string& name) {
-  const HostTensor t = golden.tensor(name);
-  return ctx.upload(t.shape, t.data, Type::f32, name);
-}
-
-ViewDrawings drawings(Context& ctx, const GendenGolden& golden) {
-  return {upload(ctx, golden, "stage.drawing.image"), upload(ctx, golden, "stage.drawing.alpha"),
-          upload(ctx, golden, "stage.drawing.depth")};
-}
+using test::upload;
 
 CurveOrders orders_of(const GendenGolden& golden) {
   const std::vector<int> all = golden.integers("input.orders");
@@ -41,26 +30,13 @@ CurveOrders orders_of(const GendenGolden& golden) {
   return out;
 }
 
-// Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
-std::size_t channels_of(const Shape& shape) {
-  if (shape.size() < 2) return 1;
-  return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
-}
-
-std::vector<std::string> all_cases() {
-  std::vector<std::string> out = {"genden_micro"};
-  out.insert(out.end(), test::genden_cases().begin(), test::genden_cases().end());
-  return out;
-}
-
 class GendenVectors : public test::VectorsTest {};
-VSPLAT_VECTORS(GendenVectors, all_cases());
+VSPLAT_VECTORS(GendenVectors, test::joined({"genden_micro"}, test::genden_cases()));
 VSPLAT_SLOW_VECTORS(GendenVectors, test::slow_genden_cases());
 
 // A run of the model on a golden file's inputs, with every stage's output recorded and the renderings fixed.
 struct ModelRun {
-  std::map<std::string, std::vector<float>> stages;
-  std::map<std::string, std::size_t> channels;  // of each stage's rows
+  test::StageOutputs stages;
   GendenResult result;
 
   ModelRun(Context& ctx, const GendenGolden& golden, bool by_seed = false) {
@@ -68,17 +44,14 @@ struct ModelRun {
     const ViewDrawings held = drawings(ctx, golden);
     GendenOptions options;
     options.backbone.held = &held;
-    options.backbone.tap = [&](const std::string& name, const Tensor& t) {
-      stages[name] = ctx.read<float>(t);
-      channels[name] = channels_of(t.shape());
-    };
+    options.backbone.tap = stages.tap(ctx);
     if (by_seed)
       options.seed = std::stoull(golden.file().metadata().at("seed"));
     else
       options.orders = orders_of(golden);
     result = model.forward(ctx, upload(ctx, golden, "input.images"), golden.cameras(), options);
-    stages.erase("lifted.samples");
-    stages.erase("lifted.embedded");
+    stages.values.erase("lifted.samples");
+    stages.values.erase("lifted.embedded");
   }
 };
 
@@ -87,21 +60,21 @@ TEST_P(GendenVectors, EveryStageMatches) {
   const GendenGolden golden = GendenGolden::load(name());
   const ModelRun run(ctx(), golden);
   EXPECT_EQ(run.result.kept, golden.kept());
-  for (const auto& [stage, values] : run.stages) {
+  for (const auto& [stage, values] : run.stages.values) {
     ASSERT_TRUE(golden.has("stage." + stage)) << stage;
     const auto want = golden.floats("stage." + stage);
     // The sum of many small numbers is compared relative to the largest of them.
     if (stage == "score" || stage == "pull")
       EXPECT_TRUE(test::close(values, want, 1e-4)) << stage;
     else
-      EXPECT_TRUE(test::close_by_channel(values, want, run.channels.at(stage), 1e-4)) << stage;
+      EXPECT_TRUE(test::close_by_channel(values, want, run.stages.channels.at(stage), 1e-4)) << stage;
   }
   // The backbone: features, volume, samples and output of the fine decoder, and three of each layer. Then pull,
   // score and selection, and three times five fields. Of each level: three of each block, offset, xyz, feature and
   // attributes, and, except for the last level, confidence.
   std::size_t stages = 4 + 3 * static_cast<std::size_t>(golden.config().layers) + 3 + 15;
   for (const int blocks : golden.config().densify.depths) stages += 3 * static_cast<std::size_t>(blocks) + 5;
-  EXPECT_EQ(run.stages.size(), stages - 1);
+  EXPECT_EQ(run.stages.values.size(), stages - 1);
 }
 
 // The positions of each level's points, their order and their neighbours must match exactly.
@@ -158,12 +131,6 @@ TEST_P(GendenVectors, PlacesOfEveryLevelMatch) {
   }
 }
 
-GaussianGradients cotangents(Context& ctx, const GendenGolden& golden, const std::string& level) {
-  Tensor t[5];
-  for (int i = 0; i < 5; ++i) t[i] = upload(ctx, golden, "cotangent." + level + "." + kFields[i]);
-  return {t[0], t[1], t[2], t[3], t[4]};
-}
-
 // The gradients by all weights for cotangents on one level alone, named as in the specification: "coarse"; "fixed", for
 // the final Gaussians with constant drawings; "final", through the product's own drawings.
 std::map<std::string, std::vector<float>> gradients(Context& ctx, const GendenGolden& golden, const std::string& which,
@@ -179,10 +146,10 @@ std::map<std::string, std::vector<float>> gradients(Context& ctx, const GendenGo
   GendenModel::Trained trained =
       model.forward_in_training(ctx, upload(ctx, golden, "input.images"), golden.cameras(), options, recompute);
   if (which == "coarse")
-    model.backward(ctx, trained, cotangents(ctx, golden, "coarse"), {});
+    model.backward(ctx, trained, test::cotangents(ctx, golden, "coarse"), {});
   else
     model.backward(ctx, trained, zero_gradients(ctx, trained.result.coarse.count(), golden.config().sh_degree),
-                   cotangents(ctx, golden, "final"));
+                   test::cotangents(ctx, golden, "final"));
   std::map<std::string, std::vector<float>> out;
   for (const std::string& name : learnt.names()) out[name] = ctx.read<float>(learnt.at(name).gradient);
   return out;
@@ -224,8 +191,8 @@ TEST_P(Genden, RunningOnceMoreGivesTheSameGradients) {
 TEST_P(Genden, TwoRunsGiveTheSameBitsAndSoDoesTheSeed) {
   const GendenGolden golden = GendenGolden::load("genden_micro");
   const ModelRun first(ctx(), golden);
-  EXPECT_EQ(ModelRun(ctx(), golden).stages, first.stages);
-  EXPECT_EQ(ModelRun(ctx(), golden, true).stages, first.stages);
+  EXPECT_EQ(ModelRun(ctx(), golden).stages.values, first.stages.values);
+  EXPECT_EQ(ModelRun(ctx(), golden, true).stages.values, first.stages.values);
 }
 
 // If no Gaussian is opaque enough, nothing is densified, and nothing fails.
@@ -241,7 +208,7 @@ TEST_P(Genden, NothingKept) {
   const Tensor images = upload(ctx(), golden, "input.images");
   EXPECT_EQ(model.forward(ctx(), images, golden.cameras(), options).final.count(), 0);
   GendenModel::Trained trained = model.forward_in_training(ctx(), images, golden.cameras(), options, false);
-  model.backward(ctx(), trained, cotangents(ctx(), golden, "coarse"), zero_gradients(ctx(), 0, config.sh_degree));
+  model.backward(ctx(), trained, test::cotangents(ctx(), golden, "coarse"), zero_gradients(ctx(), 0, config.sh_degree));
   const auto got = ctx().read<float>(learnt.at("dec.0.up.skip.weight").gradient);
   EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f));
 }
@@ -269,19 +236,13 @@ TEST_P(Genden, PlanTellsTheMemoryOfTheRun) {
   std::set<std::string> stages;
   for (const StageMemory& stage : plan.stages) stages.insert(stage.stage);
   EXPECT_TRUE(stages.count("densify"));
-  ContextOptions tight;
-  tight.max_memory_gib = 0.6 * static_cast<double>(plan.peak) / (1ull << 30);
-  const auto small = test::open_context(GetParam(), tight);
-  try {
-    const GendenModel model(*small, golden.config(), golden.weights());
-    const ViewDrawings held = drawings(*small, golden);
+  test::expect_refused_when_tight(GetParam(), plan, [&](Context& small) {
+    const GendenModel model(small, golden.config(), golden.weights());
+    const ViewDrawings held = drawings(small, golden);
     GendenOptions options;
     options.backbone.held = &held;
-    model.forward(*small, upload(*small, golden, "input.images"), golden.cameras(), options);
-    FAIL() << "ran in 60 % of the memory that it needs";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::memory) << e.what();
-  }
+    model.forward(small, upload(small, golden, "input.images"), golden.cameras(), options);
+  });
 }
 
 }  // namespace

@@ -3,27 +3,22 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
-
 #include "model/networks/params/init.h"
 #include "model/networks/params/params.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/network_vectors.h"
 #include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
 
+using test::cotangents;
+using test::upload;
 using test::VsplatGendenGolden;
 
 constexpr const char* kTiny = "vsplat+genden_tiny";
 const std::vector<std::string> kTinySlow = {"vsplat+genden_tiny_seed1", "vsplat+genden_tiny_seed2"};
-
-Tensor uploaded(Context& ctx, const VsplatGendenGolden& golden, const std::string& name) {
-  const HostTensor t = golden.tensor(name);
-  return ctx.upload(t.shape, t.data, Type::f32, name);
-}
 
 VsplatGendenOptions options_of(const VsplatGendenGolden& golden) {
   VsplatGendenOptions out;
@@ -43,52 +38,41 @@ TEST_P(VsplatGendenVectors, EveryStageMatches) {
   const VsplatGendenGolden golden = VsplatGendenGolden::load(name());
   const VsplatGendenModel model(ctx(), golden.config(), golden.weights());
   VsplatGendenOptions options = options_of(golden);
-  std::map<std::string, std::vector<float>> stages;
-  std::map<std::string, std::size_t> channels;
-  options.backbone.tap = [&](const std::string& name, const Tensor& t) {
-    stages[name] = ctx().read<float>(t);
-    const Shape& shape = t.shape();
-    channels[name] = shape.size() < 2                         ? 1
-                     : shape.size() == 3 && shape.back() == 3 ? static_cast<std::size_t>(3 * shape[1])
-                                                              : static_cast<std::size_t>(shape.back());
-  };
+  test::StageOutputs stages;
+  options.backbone.tap = stages.tap(ctx());
   const VsplatGendenResult result =
-      model.forward(ctx(), uploaded(ctx(), golden, "input.images"), golden.cameras(), options);
+      model.forward(ctx(), upload(ctx(), golden, "input.images"), golden.cameras(), options);
   EXPECT_EQ(result.final.means.dim(0) * 3, static_cast<long>(golden.floats("stage.final.means").size()));
   int levels = 0;
-  for (const auto& [stage, values] : stages) {
+  for (const auto& [stage, values] : stages.values) {
     ASSERT_TRUE(golden.has("stage." + stage)) << stage;
     const auto want = golden.floats("stage." + stage);
     if (stage == "score" || stage == "pull")
       EXPECT_TRUE(test::close(values, want, 1e-4)) << stage;
     else
-      EXPECT_TRUE(test::close_by_channel(values, want, channels.at(stage), 1e-4)) << stage;
+      EXPECT_TRUE(test::close_by_channel(values, want, stages.channels.at(stage), 1e-4)) << stage;
     levels += stage.starts_with("level.");
   }
   for (const char* stage : {"refined", "base.means", "score", "selected.feature", "final.sh"})
-    EXPECT_EQ(stages.count(stage), 1U) << stage;
+    EXPECT_EQ(stages.values.count(stage), 1U) << stage;
   EXPECT_EQ(levels, 21);
 }
 
 TEST_P(VsplatGendenVectors, EveryGradientMatches) {
   VSPLAT_NEED_LARA_GOLDEN(name());
   const VsplatGendenGolden golden = VsplatGendenGolden::load(name());
-  const auto cotangents = [&](const std::string& level) {
-    const auto field = [&](const char* name) { return uploaded(ctx(), golden, "cotangent." + level + "." + name); };
-    return GaussianGradients{field("means"), field("scales"), field("quats"), field("opacities"), field("sh")};
-  };
   for (const bool recompute : {false, true}) {
     for (const bool coarse : {true, false}) {
       const LearntWeights learnt(ctx(), parameters(golden.config()), golden.weights());
       const VsplatGendenModel model(ctx(), golden.config(), learnt);
-      VsplatGendenModel::Trained trained = model.forward_in_training(ctx(), uploaded(ctx(), golden, "input.images"),
+      VsplatGendenModel::Trained trained = model.forward_in_training(ctx(), upload(ctx(), golden, "input.images"),
                                                                      golden.cameras(), options_of(golden), recompute);
       if (coarse)
-        model.backward(ctx(), trained, cotangents("coarse"), {});
+        model.backward(ctx(), trained, cotangents(ctx(), golden, "coarse"), {});
       else
         model.backward(ctx(), trained,
                        zero_gradients(ctx(), trained.backbone.coarse.count(), golden.config().sh_degree),
-                       cotangents("final"));
+                       cotangents(ctx(), golden, "final"));
       const std::string prefix = coarse ? "cograd.coarse." : "cograd.final.";
       int compared = 0;
       for (const std::string& weight : learnt.names()) {
@@ -114,7 +98,7 @@ TEST_P(VsplatGenden, NoCandidates) {
   config.densify.opacity_threshold = 0.99999;
   const LearntWeights learnt(ctx(), parameters(config), golden.weights());
   const VsplatGendenModel model(ctx(), config, learnt);
-  const Tensor images = uploaded(ctx(), golden, "input.images");
+  const Tensor images = upload(ctx(), golden, "input.images");
   EXPECT_EQ(model.forward(ctx(), images, golden.cameras(), {}).final.count(), 0);
   VsplatGendenModel::Trained trained = model.forward_in_training(ctx(), images, golden.cameras(), {}, false);
   model.backward(ctx(), trained, zero_gradients(ctx(), trained.backbone.coarse.count(), config.sh_degree),

@@ -10,27 +10,18 @@
 #include "model/networks/params/params.h"
 #include "model/ops/networks/decode.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/network_vectors.h"
+#include "tests/support/refusal.h"
 #include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
 
+using test::drawings;
+using test::expect_picture;
 using test::LaraGolden;
-
-const char* const kFields[] = {"means", "scales", "quats", "opacities", "sh"};
-
-Tensor upload(Context& ctx, const LaraGolden& golden, const std::string& name) {
-  const HostTensor t = golden.tensor(name);
-  return ctx.upload(t.shape, t.data, Type::f32, name);
-}
-
-// Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
-std::size_t channels_of(const Shape& shape) {
-  if (shape.size() < 2) return 1;
-  return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
-}
+using test::upload;
 
 // The specification stores rows by view, [V, r^3, C + E]; the device stores them by voxel.
 std::vector<float> lifted_by_view(const std::vector<float>& samples, const std::vector<float>& embedded,
@@ -49,8 +40,7 @@ std::vector<float> lifted_by_view(const std::vector<float>& samples, const std::
 
 // A run of the model on a golden file's inputs, with every stage's output recorded and the renderings fixed.
 struct ModelRun {
-  std::map<std::string, std::vector<float>> stages;
-  std::map<std::string, std::size_t> channels;  // of each stage's rows
+  test::StageOutputs stages;
   LaraResult result;
 
   ModelRun(Context& ctx, const LaraGolden& golden) {
@@ -58,33 +48,20 @@ struct ModelRun {
     const ViewDrawings held = drawings(ctx, golden);
     LaraOptions options;
     options.held = &held;
-    options.tap = [&](const std::string& name, const Tensor& t) {
-      stages[name] = ctx.read<float>(t);
-      channels[name] = channels_of(t.shape());
-    };
+    options.tap = stages.tap(ctx);
     result = model.forward(ctx, upload(ctx, golden, "input.images"), golden.cameras(), options);
-    stages["lifted"] = lifted_by_view(stages.at("lifted.samples"), stages.at("lifted.embedded"), golden.config(),
+    auto& values = stages.values;
+    values["lifted"] = lifted_by_view(values.at("lifted.samples"), values.at("lifted.embedded"), golden.config(),
                                       golden.cameras().size());
-    channels["lifted"] = static_cast<std::size_t>(golden.config().lifted_ch());
-    stages.erase("lifted.samples");
-    stages.erase("lifted.embedded");
-  }
-
-  static ViewDrawings drawings(Context& ctx, const LaraGolden& golden) {
-    return {upload(ctx, golden, "stage.drawing.image"), upload(ctx, golden, "stage.drawing.alpha"),
-            upload(ctx, golden, "stage.drawing.depth")};
+    stages.channels["lifted"] = static_cast<std::size_t>(golden.config().lifted_ch());
+    values.erase("lifted.samples");
+    values.erase("lifted.embedded");
   }
 };
 
 class LaraVectors : public test::VectorsTest {};
 
-std::vector<std::string> all_cases() {
-  std::vector<std::string> out = {"lara_micro"};
-  out.insert(out.end(), test::lara_cases().begin(), test::lara_cases().end());
-  return out;
-}
-
-VSPLAT_VECTORS(LaraVectors, all_cases());
+VSPLAT_VECTORS(LaraVectors, test::joined({"lara_micro"}, test::lara_cases()));
 VSPLAT_SLOW_VECTORS(LaraVectors, test::slow_lara_cases());
 
 TEST_P(LaraVectors, EveryStageMatches) {
@@ -92,39 +69,24 @@ TEST_P(LaraVectors, EveryStageMatches) {
   const LaraGolden golden = LaraGolden::load(name());
   const ModelRun run(ctx(), golden);
   EXPECT_EQ(run.result.kept, golden.kept());
-  for (const auto& [stage, values] : run.stages) {
+  for (const auto& [stage, values] : run.stages.values) {
     ASSERT_TRUE(golden.has("stage." + stage)) << stage;
-    EXPECT_TRUE(test::close_by_channel(values, golden.floats("stage." + stage), run.channels.at(stage), 1e-4)) << stage;
+    EXPECT_TRUE(test::close_by_channel(values, golden.floats("stage." + stage), run.stages.channels.at(stage), 1e-4))
+        << stage;
   }
   // features, lifted, volume, samples and output of the fine decoder, two times five fields; three of each layer.
-  EXPECT_EQ(run.stages.size(), 15 + 3 * static_cast<std::size_t>(golden.config().layers));
-  const int features = golden.config().fine_features;
+  EXPECT_EQ(run.stages.values.size(), 15 + 3 * static_cast<std::size_t>(golden.config().layers));
+  const auto features = static_cast<std::size_t>(golden.config().fine_features);
   if (features == 0) {
     EXPECT_FALSE(run.result.features);
     return;
   }
   const auto output = golden.floats("stage.fine.output");
-  const auto width = static_cast<std::size_t>(features + 3 * golden.config().sh_count());
+  const std::size_t width = features + 3 * static_cast<std::size_t>(golden.config().sh_count());
   std::vector<float> want;
   for (std::size_t i = 0; i < output.size(); ++i)
-    if (i % width < static_cast<std::size_t>(features)) want.push_back(output[i]);
+    if (i % width < features) want.push_back(output[i]);
   EXPECT_TRUE(test::close(ctx().read<float>(run.result.features), want, 1e-4));
-}
-
-// 99.9 % of the values within 2e-3 of the largest (at least 1), the mean within 1e-5.
-void expect_picture(const std::vector<float>& got, const std::vector<float>& want, const std::string& what) {
-  ASSERT_EQ(got.size(), want.size()) << what;
-  double largest = 1, sum = 0;
-  for (const float v : want) largest = std::max(largest, std::abs(static_cast<double>(v)));
-  std::size_t off = 0;
-  for (std::size_t i = 0; i < got.size(); ++i) {
-    const double error = std::abs(static_cast<double>(got[i]) - want[i]) / largest;
-    ASSERT_TRUE(std::isfinite(error)) << what << " at " << i;
-    sum += error;
-    off += error > 2e-3;
-  }
-  EXPECT_LE(static_cast<double>(off), 1e-3 * static_cast<double>(got.size())) << what;
-  EXPECT_LE(sum / static_cast<double>(got.size()), 1e-5) << what;
 }
 
 // Without given drawings: the product's own renderer draws the coarse primitives, surfels and Gaussians.
@@ -155,16 +117,8 @@ TEST_P(LaraVectors, DrawsItsCoarsePrimitives) {
   expect_picture(ctx().read<float>(result.final.sh), golden.floats("stage.final.sh"), "final.sh");
 }
 
-GaussianGradients cotangents(Context& ctx, const LaraGolden& golden, const std::string& level) {
-  Tensor t[5];
-  for (int i = 0; i < 5; ++i) t[i] = upload(ctx, golden, "cotangent." + level + "." + kFields[i]);
-  return {t[0], t[1], t[2], t[3], t[4]};
-}
-
-GaussianGradients zeros(Context& ctx, const DeviceGaussians& like) {
-  const DeviceGaussians made = make_gaussians(ctx, like.count(), like.sh.dim(1), "gradient", like.scales.dim(1));
-  for (const Tensor& t : {made.means, made.scales, made.quats, made.opacities, made.sh}) ctx.fill_zero(t);
-  return {made.means, made.scales, made.quats, made.opacities, made.sh};
+GaussianGradients zeros_like(Context& ctx, const DeviceGaussians& g) {
+  return zero_gradients(ctx, g.count(), g.sh_degree(), g.kind());
 }
 
 // Both halves, in training.
@@ -181,14 +135,14 @@ std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGold
                                                     bool recompute) {
   const LearntWeights learnt(ctx, parameters(golden.config()), golden.weights());
   const LaraModel model(ctx, golden.config(), learnt);
-  const ViewDrawings held = ModelRun::drawings(ctx, golden);
+  const ViewDrawings held = drawings(ctx, golden);
   LaraOptions options;
   if (which != "final") options.held = &held;
   LaraModel::Trained trained = forward(ctx, model, golden, options, recompute);
   if (which == "coarse")
-    model.backward(ctx, trained, cotangents(ctx, golden, "coarse"), {});
+    model.backward(ctx, trained, test::cotangents(ctx, golden, "coarse"), {});
   else
-    model.backward(ctx, trained, zeros(ctx, trained.result.coarse), cotangents(ctx, golden, "final"));
+    model.backward(ctx, trained, zeros_like(ctx, trained.result.coarse), test::cotangents(ctx, golden, "final"));
   std::map<std::string, std::vector<float>> out;
   for (const std::string& name : learnt.names()) out[name] = ctx.read<float>(learnt.at(name).gradient);
   return out;
@@ -218,7 +172,7 @@ TEST_P(Lara, RunningOnceMoreGivesTheSameGradients) {
 
 TEST_P(Lara, TwoRunsGiveTheSameBits) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
-  EXPECT_EQ(ModelRun(ctx(), golden).stages, ModelRun(ctx(), golden).stages);
+  EXPECT_EQ(ModelRun(ctx(), golden).stages.values, ModelRun(ctx(), golden).stages.values);
 }
 
 // The fine decoder processes primitives in blocks: the block size does not affect the result, forward or backward, not
@@ -227,7 +181,7 @@ TEST_P(Lara, FineDecoderInBlocks) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   const LearntWeights learnt(ctx(), parameters(golden.config()), golden.weights());
   const LaraFineDecoder decoder(ctx(), golden.config(), learnt);
-  const ViewDrawings held = ModelRun::drawings(ctx(), golden);
+  const ViewDrawings held = drawings(ctx(), golden);
   LaraFineDecoder::Input in;
   in.volume = upload(ctx(), golden, "stage.volume");
   in.means = upload(ctx(), golden, "stage.final.means");
@@ -273,13 +227,13 @@ TEST_P(Lara, NothingKept) {
   config.opacity_threshold = 0.9999999;
   const LearntWeights learnt(ctx(), parameters(config), golden.weights());
   const LaraModel model(ctx(), config, learnt);
-  const ViewDrawings held = ModelRun::drawings(ctx(), golden);
+  const ViewDrawings held = drawings(ctx(), golden);
   LaraOptions options;
   options.held = &held;
   const Tensor images = upload(ctx(), golden, "input.images");
   EXPECT_EQ(model.forward(ctx(), images, golden.cameras(), options).final.count(), 0);
   LaraModel::Trained trained = forward(ctx(), model, golden, options, false);
-  model.backward(ctx(), trained, cotangents(ctx(), golden, "coarse"), zeros(ctx(), trained.result.final));
+  model.backward(ctx(), trained, test::cotangents(ctx(), golden, "coarse"), zeros_like(ctx(), trained.result.final));
   const auto got = ctx().read<float>(learnt.at("decoder.mlp_fine.0.weight").gradient);
   EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f));
 }
@@ -288,13 +242,9 @@ TEST_P(Lara, MoreViewsThanItHasEmbeddingsForAreRefused) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   const LaraModel model(ctx(), golden.config(), golden.weights());
   const std::vector<Camera> four(4, golden.cameras()[0]);
-  try {
+  test::expect_error(Status::usage, {"view_slots = 3"}, [&] {
     model.forward(ctx(), ctx().tensor({4, 12, 12, 3}), four, {});
-    FAIL() << "ran";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::usage);
-    EXPECT_NE(std::string(e.what()).find("view_slots = 3"), std::string::npos) << e.what();
-  }
+  });
 }
 
 TEST_P(Lara, PlanTellsTheMemoryOfTheRun) {
@@ -311,19 +261,13 @@ TEST_P(Lara, PlanTellsTheMemoryOfTheRun) {
   EXPECT_EQ(stages, (std::set<std::string>{"encoder", "modulation", "lifting", "volume", "heads", "decode", "selection",
                                            "splat", "refinement"}));
 
-  ContextOptions tight;
-  tight.max_memory_gib = 0.6 * static_cast<double>(plan.peak) / (1ull << 30);
-  const auto small = test::open_context(GetParam(), tight);
-  try {
-    const LaraModel model(*small, config, golden.weights());
-    const ViewDrawings held = ModelRun::drawings(*small, golden);
+  test::expect_refused_when_tight(GetParam(), plan, [&](Context& small) {
+    const LaraModel model(small, config, golden.weights());
+    const ViewDrawings held = drawings(small, golden);
     LaraOptions options;
     options.held = &held;
-    model.forward(*small, upload(*small, golden, "input.images"), golden.cameras(), options);
-    FAIL() << "ran in 60 % of the memory that it needs";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::memory) << e.what();
-  }
+    model.forward(small, upload(small, golden, "input.images"), golden.cameras(), options);
+  });
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <functional>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "model/networks/layers/upload_weights.h"
 #include "model/networks/params/init.h"
@@ -40,27 +41,11 @@ Matrix silu(Matrix x) {
   return x;
 }
 
-double dot(const Matrix& a, const std::vector<float>& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * static_cast<double>(b[i]);
-  return sum;
-}
-
 Matrix doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
 
 // d loss / d x by central differences.
 std::vector<double> layer_differences(Matrix& x, const std::function<double()>& loss) {
-  std::vector<double> out;
-  constexpr double h = 1e-5;
-  for (double& v : x) {
-    const double at = v;
-    v = at + h;
-    const double above = loss();
-    v = at - h;
-    out.push_back((above - loss()) / (2 * h));
-    v = at;
-  }
-  return out;
+  return ref::central_differences(x, 1e-5, loss);
 }
 
 class Layers : public test::FlavourTest {
@@ -135,7 +120,7 @@ TEST_P(Layers, Mlp3AgreesWithDifferences) {
   Layer first = layer(name + ".0"), second = layer(name + ".2"), third = layer(name + ".4");
   Matrix input = doubles(x);
   const auto value = [&] { return apply(third, silu(apply(second, silu(apply(first, input, rows)), rows)), rows); };
-  const auto loss = [&] { return dot(value(), dy); };
+  const auto loss = [&] { return ref::weighed(value(), dy); };
 
   Mlp3Saved saved;
   const Tensor on_device = ctx().upload({rows, in}, x);

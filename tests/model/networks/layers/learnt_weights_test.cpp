@@ -7,6 +7,7 @@
 #include "model/networks/vsplat/vsplat_model.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
+#include "tests/support/refusal.h"
 
 namespace vsplat {
 namespace {
@@ -67,12 +68,7 @@ TEST_P(Learnt, GradientsAreThereForWhatIsLearntAndBecomeZero) {
 TEST_P(Learnt, WhatIsMissingOrMisshapenIsNamed) {
   const Config config = named_config("micro");
   const auto message = [&](const Weights& weights) {
-    try {
-      const LearntWeights learnt(ctx(), config, weights);
-    } catch (const Error& e) {
-      return std::string(e.what());
-    }
-    return std::string("nothing");
+    return test::refusal([&] { const LearntWeights learnt(ctx(), config, weights); }, Status::format);
   };
   Weights weights = initial_weights(config, 3);
   weights.set("encoder.model.norm.bias", {{5}, std::vector<float>(5)});

@@ -1,6 +1,7 @@
 // The backward of the encoder and of the modulation, against differences of a forward in double.
 #include <functional>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/plucker.h"
 #include "model/networks/layers/vit.h"
 #include "model/networks/params/init.h"
@@ -53,22 +54,7 @@ const Encoders& model() {
 
 // Derivatives of sum(dy * f()) by each element of x, by central differences.
 Row encoder_differences(Row& x, const std::vector<float>& dy, const std::function<Row()>& f) {
-  const auto loss = [&] {
-    const Row y = f();
-    double sum = 0;
-    for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
-    return sum;
-  };
-  Row out;
-  for (double& v : x) {
-    const double at = v;
-    v = at + 1e-5;
-    const double above = loss();
-    v = at - 1e-5;
-    out.push_back((above - loss()) / 2e-5);
-    v = at;
-  }
-  return out;
+  return ref::central_differences(x, 1e-5, [&] { return ref::weighed(f(), dy); });
 }
 
 // Differences by every weight whose name begins with `prefix`.

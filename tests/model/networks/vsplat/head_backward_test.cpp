@@ -1,7 +1,7 @@
 // The heads' and the selection's backward: against differences in double, and against PyTorch's gradients by weights.
 #include <functional>
-#include <numeric>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/networks/params/init.h"
 #include "model/networks/vsplat/head.h"
 #include "model/networks/vsplat/voxel_selection.h"
@@ -24,29 +24,14 @@ ref::GaussianLists random_lists(std::size_t n, std::size_t s, std::uint32_t seed
           test::random_doubles(3 * s * n, seed + 4)};
 }
 
-double dot(const std::vector<double>& a, const std::vector<double>& b) {
-  EXPECT_EQ(a.size(), b.size());
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-}
-
 double dot(const ref::GaussianLists& a, const ref::GaussianLists& b) {
-  return dot(a.means, b.means) + dot(a.scales, b.scales) + dot(a.quats, b.quats) + dot(a.opacities, b.opacities) +
-         dot(a.sh, b.sh);
+  return ref::weighed(a.means, b.means) + ref::weighed(a.scales, b.scales) + ref::weighed(a.quats, b.quats) +
+         ref::weighed(a.opacities, b.opacities) + ref::weighed(a.sh, b.sh);
 }
 
 // By central differences; the loss reads x.
 std::vector<double> head_differences(std::vector<double>& x, const std::function<double()>& loss) {
-  constexpr double step = 1e-5;
-  std::vector<double> out;
-  for (double& v : x) {
-    const double at = v;
-    v = at + step;
-    const double above = loss();
-    v = at - step;
-    out.push_back((above - loss()) / (2 * step));
-    v = at;
-  }
-  return out;
+  return ref::central_differences(x, 1e-5, loss);
 }
 
 class HeadBackward : public test::FlavourTest {
@@ -100,7 +85,7 @@ TEST_P(HeadBackward, OfCoarseHeadsAgreesWithDifferences) {
   const auto by_volume = [&](bool with_logits) {
     return head_differences(volume, [&] {
       const ref::CoarseHeads out = ref::coarse_heads(config_, weights_, volume);
-      return (with_logits ? dot(out.logits, dlogits) : 0.0) + dot(out.gaussians, d);
+      return (with_logits ? ref::weighed(out.logits, dlogits) : 0.0) + dot(out.gaussians, d);
     });
   };
   const LearntWeights learnt(ctx(), config_, weights_);

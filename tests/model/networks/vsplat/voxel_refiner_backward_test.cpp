@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/networks/params/params.h"
 #include "model/networks/vsplat/voxel_refiner.h"
 #include "tests/reference/refine.h"
@@ -93,11 +94,7 @@ class RefinementBackward : public test::FlavourTest {
       }
       const auto loss = [&](double step) {
         for (std::size_t i = 0; i < x.size(); ++i) x[i] = at[i] + step * along[i];
-        if (p == 0) return 0.0;
-        const std::vector<double> y = ref::refine(in);
-        double sum = 0;
-        for (std::size_t i = 0; i < y.size(); ++i) sum += drefined[i] * y[i];
-        return sum;
+        return p == 0 ? 0.0 : ref::weighed(ref::refine(in), drefined);
       };
       const double want = (loss(1e-6) - loss(-1e-6)) / 2e-6;
       x = at;

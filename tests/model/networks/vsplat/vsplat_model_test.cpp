@@ -6,25 +6,19 @@
 
 #include "model/render/render.h"
 #include "tests/support/compare.h"
-#include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
+#include "tests/support/network_vectors.h"
 #include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
 
+using test::expect_picture;
 using test::Golden;
-
-// Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
-std::size_t channels_of(const Shape& shape) {
-  if (shape.size() < 2) return 1;
-  return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
-}
 
 // A run of the model on a golden file's inputs, with every stage's output recorded.
 struct ModelRun {
-  std::map<std::string, std::vector<float>> stages;
-  std::map<std::string, std::size_t> channels;  // of each stage's rows
+  test::StageOutputs stages;
   ForwardResult result;
   std::vector<Camera> cameras;
 
@@ -38,20 +32,17 @@ struct ModelRun {
     ForwardOptions options;
     options.temperature = golden.temperature();
     if (golden.has("input.noise")) options.noise = test::golden_upload(ctx, golden, "input.noise");
-    options.tap = [&](const std::string& name, const Tensor& t) {
-      stages[name] = ctx.read<float>(t);
-      channels[name] = channels_of(t.shape());
-    };
+    options.tap = stages.tap(ctx);
     result = model.forward(ctx, ctx.upload({views, edge, edge, 3}, images), upload_cameras(ctx, cameras), options);
   }
 };
 
 void expect_stages(const Golden& golden, const ModelRun& run) {
   int compared = 0;
-  for (const auto& [name, values] : run.stages) {
+  for (const auto& [name, values] : run.stages.values) {
     ASSERT_TRUE(golden.has("stage." + name)) << name;
     const std::vector<float> want = golden.floats("stage." + name);
-    EXPECT_TRUE(test::close_by_channel(values, want, run.channels.at(name), 1e-4)) << name;
+    EXPECT_TRUE(test::close_by_channel(values, want, run.stages.channels.at(name), 1e-4)) << name;
     ++compared;
   }
   EXPECT_GE(compared, golden.config().levels == "coarse" ? 13 : 14);
@@ -60,22 +51,6 @@ void expect_stages(const Golden& golden, const ModelRun& run) {
   for (const int v : run.result.selected)
     for (const int c : {v / (r * r), v / r % r, v % r}) coords.push_back(c);
   EXPECT_EQ(coords, golden.integers("stage.coords"));
-}
-
-// 99.9 % of the values within 2e-3 of the largest (at least 1), the mean within 1e-5.
-void expect_picture(const std::vector<float>& got, const std::vector<float>& want, const std::string& what) {
-  ASSERT_EQ(got.size(), want.size()) << what;
-  double largest = 1, sum = 0;
-  for (const float v : want) largest = std::max(largest, std::abs(static_cast<double>(v)));
-  std::size_t off = 0;
-  for (std::size_t i = 0; i < got.size(); ++i) {
-    const double error = std::abs(static_cast<double>(got[i]) - want[i]) / largest;
-    ASSERT_TRUE(std::isfinite(error)) << what << " at " << i;
-    sum += error;
-    off += error > 2e-3;
-  }
-  EXPECT_LE(static_cast<double>(off), 1e-3 * static_cast<double>(got.size())) << what;
-  EXPECT_LE(sum / static_cast<double>(got.size()), 1e-5) << what;
 }
 
 void expect_pictures(Context& ctx, const Golden& golden, const ModelRun& run) {
@@ -105,31 +80,15 @@ void expect_pictures(Context& ctx, const Golden& golden, const ModelRun& run) {
 class GoldenModel : public test::VectorsTest {};
 
 TEST_P(GoldenModel, EveryStageAndPictureMatches) {
-  const auto& [flavour, name] = GetParam();
-  VSPLAT_NEED_GOLDEN(name);
-  const Golden golden = Golden::load(name);
-  Context& ctx = test::context(flavour);
-  const ModelRun run(ctx, golden);
+  VSPLAT_NEED_GOLDEN(name());
+  const Golden golden = Golden::load(name());
+  const ModelRun run(ctx(), golden);
   expect_stages(golden, run);
-  expect_pictures(ctx, golden, run);
+  expect_pictures(ctx(), golden, run);
 }
 
-std::vector<std::string> all_cases() {
-  std::vector<std::string> out = {"micro", "micro_noise"};
-  const auto& tiny = test::golden_cases();
-  out.insert(out.end(), tiny.begin(), tiny.end());
-  return out;
-}
-
-std::vector<std::string> slow_cases() {
-  std::vector<std::string> out = {"tiny_seed2"};
-  const auto& extensions = test::slow_extension_cases();
-  out.insert(out.end(), extensions.begin(), extensions.end());
-  return out;
-}
-
-VSPLAT_VECTORS(GoldenModel, all_cases());
-VSPLAT_SLOW_VECTORS(GoldenModel, slow_cases());
+VSPLAT_VECTORS(GoldenModel, test::joined({"micro", "micro_noise"}, test::golden_cases()));
+VSPLAT_SLOW_VECTORS(GoldenModel, test::joined({"tiny_seed2"}, test::slow_extension_cases()));
 INSTANTIATE_TEST_SUITE_P(Extensions, GoldenModel, test::in_both_flavours(test::extension_cases()), test::vectors_name);
 
 class Model : public test::FlavourTest {};
@@ -138,7 +97,7 @@ VSPLAT_FLAVOURS(Model);
 TEST_P(Model, TwoRunsGiveTheSameBits) {
   const Golden golden = Golden::load("micro");
   const ModelRun first(ctx(), golden), second(ctx(), golden);
-  EXPECT_EQ(first.stages, second.stages);
+  EXPECT_EQ(first.stages.values, second.stages.values);
   EXPECT_EQ(first.result.selected, second.result.selected);
 }
 
@@ -191,20 +150,12 @@ TEST_P(Model, RefusesBeforeItStartsWhatDoesNotFit) {
   const auto probe = test::open_context(GetParam());
   const MemoryPlan plan =
       VsplatModel::plan(*probe, golden.config(), golden.weights(), 2, golden.config().voxels() / 10);
-  ContextOptions tight;
-  tight.max_memory_gib = 0.6 * static_cast<double>(plan.peak) / (1ull << 30);
-  const auto small = test::open_context(GetParam(), tight);
-  try {
-    const VsplatModel model(*small, golden.config(), golden.weights());
+  test::expect_refused_when_tight(GetParam(), plan, [&](Context& small) {
+    const VsplatModel model(small, golden.config(), golden.weights());
     std::vector<float> images = golden.floats("input.images");
     images.resize(static_cast<std::size_t>(2) * 16 * 16 * 3);
-    model.forward(*small, small->upload({2, 16, 16, 3}, images), upload_cameras(*small, test::golden_cameras(golden)),
-                  {});
-    FAIL() << "ran in 60 % of the memory that it needs";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), Status::memory) << e.what();
-    EXPECT_NE(std::string(e.what()).find("GiB"), std::string::npos) << e.what();
-  }
+    model.forward(small, small.upload({2, 16, 16, 3}, images), upload_cameras(small, test::golden_cameras(golden)), {});
+  });
 }
 
 TEST_P(Model, SelectionSeedMakesARepeatableChoice) {

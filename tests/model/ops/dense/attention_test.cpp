@@ -5,6 +5,7 @@
 #include <array>
 
 #include "model/diagnose/selftest/reference/attention.h"
+#include "model/diagnose/selftest/reference/differences.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
 
@@ -77,19 +78,8 @@ TEST(AttentionReference, GradientsAreThoseOfDifferences) {
     auto qkv = doubles(test::random_floats(static_cast<std::size_t>(v * t * 3 * h * d), 1, -1.5f, 1.5f));
     const auto dout = doubles(test::random_floats(static_cast<std::size_t>(v * t * h * d), 2));
     const auto want = ref::attention_backward(qkv, v, t, h, d, dout);
-    std::vector<double> slopes;
-    for (double& at : qkv) {
-      const auto loss = [&, v = v, t = t, h = h, d = d](double value) {
-        at = value;
-        const auto out = ref::attention(qkv, v, t, h, d);
-        double sum = 0;
-        for (std::size_t i = 0; i < out.size(); ++i) sum += dout[i] * out[i];
-        return sum;
-      };
-      const double before = at;
-      slopes.push_back((loss(before + 1e-5) - loss(before - 1e-5)) / 2e-5);
-      at = before;
-    }
+    const auto loss = [&, v = v, t = t, h = h, d = d] { return ref::weighed(ref::attention(qkv, v, t, h, d), dout); };
+    const std::vector<double> slopes = ref::central_differences(qkv, 1e-5, loss);
     EXPECT_TRUE(test::close(want, slopes, 1e-7)) << v << " " << t << " " << h << " " << d;
   }
 }

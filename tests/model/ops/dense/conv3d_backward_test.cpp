@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "model/diagnose/selftest/reference/conv3d.h"
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/ops/dense/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
@@ -10,7 +11,6 @@
 namespace vsplat {
 namespace {
 
-using test::ConvTry;
 using test::make_conv_case;
 using test::random_floats;
 using test::upload_rows;
@@ -142,23 +142,8 @@ TEST(Conv3dReference, GradientsAreDifferences) {
   for (const long side : {3L, 2L}) {
     ref::ConvCase c = make_conv_case({{2, 3, 4}, 2, 3}, side);
     const std::vector<float> dy = random_floats(c.all().size(), 72);
-    const auto loss = [&] {
-      const std::vector<double> y = c.all();
-      double sum = 0;
-      for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
-      return sum;
-    };
     const auto differences = [&](std::vector<float>& by) {
-      std::vector<double> out;
-      for (float& v : by) {
-        const float at = v;
-        v = 1.0f;
-        const double more = loss();
-        v = -1.0f;
-        out.push_back((more - loss()) / 2);
-        v = at;
-      }
-      return out;
+      return ref::linear_differences(by, [&] { return ref::weighed(c.all(), dy); });
     };
     const ref::ConvGradient g = ref::conv_backward(c, dy);
     EXPECT_TRUE(test::close(g.dx, differences(c.in.x0), 1e-12)) << side;

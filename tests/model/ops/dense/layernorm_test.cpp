@@ -1,5 +1,6 @@
 #include "model/ops/dense/layernorm.h"
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/layernorm.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
@@ -62,25 +63,13 @@ TEST(LayerNormReference, GradientsAreThoseOfDifferences) {
     auto wide_gamma = doubles(gamma);
     const auto dy = doubles(test::random_floats(3 * c, 4));
     const auto want = ref::layernorm_backward(x, c, gamma, 1e-3, dy);
-    const auto difference = [&](double& at) {
-      const auto loss = [&](double value) {
-        at = value;
-        const auto y = ref::layernorm(x, c, wide_gamma, beta, 1e-3);
-        double sum = 0;
-        for (std::size_t i = 0; i < y.size(); ++i) sum += dy[i] * y[i];
-        return sum;
-      };
-      const double before = at, slope = (loss(before + 1e-5) - loss(before - 1e-5)) / 2e-5;
-      at = before;
-      return slope;
+    const auto differences = [&](std::vector<double>& by) {
+      return ref::central_differences(by, 1e-5,
+                                      [&] { return ref::weighed(ref::layernorm(x, c, wide_gamma, beta, 1e-3), dy); });
     };
-    std::vector<double> by_x, by_gamma, by_beta;
-    for (double& v : x) by_x.push_back(difference(v));
-    for (double& v : wide_gamma) by_gamma.push_back(difference(v));
-    for (double& v : beta) by_beta.push_back(difference(v));
-    EXPECT_TRUE(test::close(want.x, by_x, 1e-7, c == 1)) << c;
-    EXPECT_TRUE(test::close(want.gamma, by_gamma, 1e-7, c == 1)) << c;
-    EXPECT_TRUE(test::close(want.beta, by_beta, 1e-7)) << c;
+    EXPECT_TRUE(test::close(want.x, differences(x), 1e-7, c == 1)) << c;
+    EXPECT_TRUE(test::close(want.gamma, differences(wide_gamma), 1e-7, c == 1)) << c;
+    EXPECT_TRUE(test::close(want.beta, differences(beta), 1e-7)) << c;
   }
 }
 

@@ -1,5 +1,6 @@
 #include "model/ops/dense/patch_embed.h"
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/patch_embed.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
@@ -36,20 +37,8 @@ TEST(PatchEmbedReference, GradientsAreThoseOfDifferences) {
   auto position = doubles(test::random_floats(z.rows() * c, 4));
   const auto dtokens = doubles(test::random_floats(z.v * z.tokens() * c, 5));
   const auto slopes = [&](std::vector<double>& of) {
-    std::vector<double> out;
-    for (double& at : of) {
-      const auto loss = [&](double value) {
-        at = value;
-        const auto y = ref::patch_embed(images, z, weight, bias, position);
-        double sum = 0;
-        for (std::size_t i = 0; i < y.size(); ++i) sum += dtokens[i] * y[i];
-        return sum;
-      };
-      const double before = at;
-      out.push_back(loss(before + 0.5) - loss(before - 0.5));  // linear: any step does
-      at = before;
-    }
-    return out;
+    return ref::linear_differences(
+        of, [&] { return ref::weighed(ref::patch_embed(images, z, weight, bias, position), dtokens); });
   };
   const auto want = ref::patch_embed_backward(images, z, c, dtokens);
   EXPECT_TRUE(test::close(want.weight, slopes(weight), 1e-12));

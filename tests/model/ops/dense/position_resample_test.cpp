@@ -1,5 +1,6 @@
 #include "model/ops/dense/position_resample.h"
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/position_resample.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
@@ -47,19 +48,8 @@ TEST(PositionResampleReference, GradientsAreThoseOfDifferences) {
     const auto doubles = [](const std::vector<float>& v) { return std::vector<double>(v.begin(), v.end()); };
     auto grid = doubles(test::random_floats(g * g * c, 1));
     const auto dout = doubles(test::random_floats(t * t * c, 2));
-    std::vector<double> slopes;
-    for (double& at : grid) {
-      const auto loss = [&, g = g, t = t](double value) {
-        at = value;
-        const auto out = ref::resample(grid, g, t, c);
-        double sum = 0;
-        for (std::size_t i = 0; i < out.size(); ++i) sum += dout[i] * out[i];
-        return sum;
-      };
-      const double before = at;
-      slopes.push_back(loss(before + 0.5) - loss(before - 0.5));  // linear: any step does
-      at = before;
-    }
+    const auto loss = [&, g = g, t = t] { return ref::weighed(ref::resample(grid, g, t, c), dout); };
+    const std::vector<double> slopes = ref::linear_differences(grid, loss);
     EXPECT_TRUE(test::close(ref::resample_backward(dout, g, t, c), slopes, 1e-12)) << g << " to " << t;
   }
 }

@@ -1,5 +1,6 @@
 #include "model/ops/networks/position_encoding.h"
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/position_encoding.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
@@ -53,21 +54,9 @@ TEST_P(PositionEncoding, BackwardMatchesReferenceAndAdds) {
 
 TEST(PositionEncodingReference, GradientsAreDifferences) {
   const std::vector<float> given = random_points(5), dout = test::random_floats(63 * 5, 67);
-  std::vector<double> points(given.begin(), given.end()), want;
-  const auto loss = [&] {
-    const std::vector<double> y = ref::position_encoding(points);
-    double sum = 0;
-    for (std::size_t i = 0; i < y.size(); ++i) sum += dout[i] * y[i];
-    return sum;
-  };
-  for (double& x : points) {
-    const double at = x, step = 1e-6;
-    x = at + step;
-    const double more = loss();
-    x = at - step;
-    want.push_back((more - loss()) / (2 * step));
-    x = at;
-  }
+  std::vector<double> points(given.begin(), given.end());
+  const auto want =
+      ref::central_differences(points, 1e-6, [&] { return ref::weighed(ref::position_encoding(points), dout); });
   EXPECT_TRUE(test::close(ref::position_encoding_backward(points, dout), want, 1e-6));
 }
 

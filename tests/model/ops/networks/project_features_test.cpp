@@ -1,5 +1,6 @@
 #include "model/ops/networks/project_features.h"
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/project_features.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
@@ -59,22 +60,7 @@ TEST(ProjectFeaturesReference, GradientsAreDifferences) {
     auto in = make_case(3, 4, 2, 40, true, by_distance, 1.1f);
     const std::vector<float> dout = test::random_floats(80, 35);
     const auto differences = [&](std::vector<double>& x) {
-      const auto loss = [&] {
-        const std::vector<double> y = ref::project_features(in);
-        double sum = 0;
-        for (std::size_t i = 0; i < y.size(); ++i) sum += dout[i] * y[i];
-        return sum;
-      };
-      std::vector<double> out;
-      for (double& at : x) {
-        const double before = at, step = 1e-6;
-        at = before + step;
-        const double more = loss();
-        at = before - step;
-        out.push_back((more - loss()) / (2 * step));
-        at = before;
-      }
-      return out;
+      return ref::central_differences(x, 1e-6, [&] { return ref::weighed(ref::project_features(in), dout); });
     };
     const auto gradient = ref::project_features_backward(in, dout);
     EXPECT_TRUE(test::close(gradient.points, differences(in.points), 1e-6)) << by_distance;

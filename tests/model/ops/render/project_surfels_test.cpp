@@ -2,55 +2,15 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <limits>
-#include <numeric>
 
-#include "model/diagnose/selftest/reference/surfels.h"
+#include "tests/model/ops/render/projection.h"
 #include "tests/support/operation.h"
-#include "tests/support/scenes.h"
 
 namespace vsplat {
 namespace {
 
 class ProjectSurfels : public test::FlavourTest {};
-
-SurfelRevision revision_of(const ref::SurfelOptions& o) {
-  return o.current ? SurfelRevision::current : SurfelRevision::lara;
-}
-
-// By the scene's indices; records of those that are seen alone.
-struct ProjectSurfelsResult {
-  std::vector<float> records;
-  std::vector<std::uint32_t> rects, keys;
-};
-
-ProjectSurfelsResult run_project_surfels(Context& ctx, const Gaussians& g, const Camera& cam,
-                                         const ref::SurfelOptions& o = {}) {
-  const Tensor views = upload_views(ctx, {Camera(test::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5)), cam},
-                                    static_cast<float>(o.options.near), {});
-  const long k = static_cast<long>(g.count);
-  const DeviceGaussians d = upload(ctx, g);
-  const Culled culled{ctx.upload({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef), Type::u32),
-                      ctx.tensor({k}, Type::u32), Tensor()};
-  project_surfels_cull(ctx, d, 0, views, 1, cam.width, cam.height, revision_of(o), culled);
-  ProjectSurfelsResult out{std::vector<float>(20 * g.count, NAN), ctx.read<std::uint32_t>(culled.rects),
-                           ctx.read<std::uint32_t>(culled.keys)};
-  std::vector<std::uint32_t> ids;
-  for (std::uint32_t i = 0; i < g.count; ++i)
-    if (out.rects[2 * i + 1] != 0) ids.push_back(i);
-  // In two launches, the second of which begins in the middle of nowhere.
-  const long n = static_cast<long>(ids.size()), first = n / 3;
-  const Tensor on_device = ctx.upload({n}, ids, Type::u32);
-  const Tensor records = ctx.upload({n, 20}, std::vector<float>(20 * ids.size(), NAN));
-  project_surfels_forward(ctx, {d, 0, views, 1, on_device, 0, first, records, revision_of(o)});
-  project_surfels_forward(ctx, {d, 0, views, 1, on_device, first, n - first, records, revision_of(o)});
-  const auto got = ctx.read<float>(records);
-  for (std::size_t v = 0; v < ids.size(); ++v)
-    std::copy_n(got.begin() + static_cast<std::ptrdiff_t>(20 * v), 20,
-                out.records.begin() + 20 * std::ptrdiff_t{ids[v]});
-  return out;
-}
 
 // Seen edge on, without extent, behind the camera, at the near plane, or no number: left out. What is beside it is not.
 TEST_P(ProjectSurfels, LeavesOutWhatCannotBeDrawn) {
@@ -74,43 +34,21 @@ TEST_P(ProjectSurfels, LeavesOutWhatCannotBeDrawn) {
   cam.width = cam.height = 40;
   cam.fx = cam.fy = 40;
   cam.cx = cam.cy = 20;
-  for (const bool current : {false, true}) {
-    const ProjectSurfelsResult got = run_project_surfels(ctx(), g, cam, {{}, current});
+  for (const SurfelRevision revision : {SurfelRevision::lara, SurfelRevision::current}) {
+    const test::Projection got = test::projected(ctx(), g, cam, revision);
     for (std::size_t k = 0; k < g.count; ++k) EXPECT_EQ(got.rects[2 * k] != 0, k == 0) << k;
   }
 }
 
-// A chunk of a larger scene is projected as the whole of it is, wherever it begins and however many it has.
 TEST_P(ProjectSurfels, TakesTheSceneInChunks) {
-  const test::SceneCase c{"", 101, 2, 64, 64, ""};
-  const Gaussians g = test::make_surfels(c, 25);
-  const Camera cam = test::make_camera(c, 25);
-  const ProjectSurfelsResult whole = run_project_surfels(ctx(), g, cam);
-  const Tensor views = upload_views(ctx(), {cam}, 0.2f, {});
-  const Culled culled{ctx().tensor({101, 2}, Type::u32), ctx().tensor({101}, Type::u32), Tensor()};
-  std::vector<std::uint32_t> ids(101);
-  std::iota(ids.begin(), ids.end(), 0u);
-  const Tensor on_device = ctx().upload({101}, ids, Type::u32), records = ctx().tensor({101, 20});
-  long first = 0;
-  for (const long n : {0L, 1L, 3L, 15L, 16L, 17L, 49L}) {
-    const DeviceGaussians chunk = upload(ctx(), g, first, n);
-    project_surfels_cull(ctx(), chunk, first, views, 0, cam.width, cam.height, SurfelRevision::lara, culled);
-    project_surfels_forward(ctx(), {chunk, first, views, 0, on_device, first, n, records});
-    first += n;
-  }
-  ASSERT_EQ(first, 101);
-  EXPECT_EQ(ctx().read<std::uint32_t>(culled.rects), whole.rects);
-  const auto got = ctx().read<float>(records);
-  for (std::size_t i = 0; i < got.size(); ++i) {
-    if (whole.rects[2 * (i / 20) + 1] == 0) continue;
-    EXPECT_EQ(got[i], whole.records[i]) << i;
-  }
+  const selftest::SceneCase c{"", 101, 2, 64, 64, ""};
+  test::expect_chunks_like_whole(ctx(), selftest::make_surfels(c, 25), selftest::make_camera(c, 25));
 }
 
 TEST_P(ProjectSurfels, RejectsBadShape) {
-  const test::SceneCase c{"", 4, 1, 32, 32, ""};
-  DeviceGaussians g = upload(ctx(), test::make_surfels(c, 24));
-  const Tensor views = upload_views(ctx(), {test::make_camera(c, 24)}, 0.2f, {});
+  const selftest::SceneCase c{"", 4, 1, 32, 32, ""};
+  DeviceGaussians g = upload(ctx(), selftest::make_surfels(c, 24));
+  const Tensor views = upload_views(ctx(), {selftest::make_camera(c, 24)}, 0.2f, {});
   const Culled culled{ctx().tensor({4, 2}, Type::u32), ctx().tensor({4}, Type::u32), Tensor()};
   const auto cull = [&](long base, long view, int width) {
     project_surfels_cull(ctx(), g, base, views, view, width, 32, SurfelRevision::lara, culled);

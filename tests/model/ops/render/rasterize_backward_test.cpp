@@ -2,14 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
+#include "model/diagnose/selftest/inputs/records.h"
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "model/ops/render/rasterize.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"
-#include "tests/support/records.h"
 
 namespace vsplat {
 namespace {
@@ -26,7 +24,8 @@ class RasterizeBackward : public test::FlavourTest {
   }
 
   // Rows in the order of ids, zeros where none was written.
-  std::vector<float> run(const test::Records& c, int width, int height, const Upstream& up, Pulls pulls = Pulls::none) {
+  std::vector<float> run(const selftest::Records& c, int width, int height, const Upstream& up,
+                         Pulls pulls = Pulls::none) {
     const auto upload = [&](const std::vector<float>& v, const Shape& shape) {
       return v.empty() ? Tensor() : ctx().upload(shape, v);
     };
@@ -38,7 +37,7 @@ class RasterizeBackward : public test::FlavourTest {
     Binned b;
     b.ids = upload_u32(c.ids);
     b.starts = upload_u32(c.starts);
-    const std::vector<std::uint32_t> slots = test::slots_of(c);
+    const std::vector<std::uint32_t> slots = selftest::slots_of(c);
     b.slots = upload_u32(slots);
     const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
     const DevicePicture picture = make_picture(ctx(), width, height);
@@ -52,8 +51,8 @@ class RasterizeBackward : public test::FlavourTest {
          picture,
          {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}), upload(up.depth, {height, width})},
          pulls});
-    return test::rows_in_order(ctx().read<float>(got.rows), ctx().read<std::uint8_t>(got.touched), slots,
-                               pulls == Pulls::none ? 10 : 2);
+    return selftest::rows_in_order(ctx().read<float>(got.rows), ctx().read<std::uint8_t>(got.touched), slots,
+                                   pulls == Pulls::none ? 10 : 2);
   }
 
   const std::array<float, 3> background{0.25f, 0.5f, 1};
@@ -61,7 +60,7 @@ class RasterizeBackward : public test::FlavourTest {
 
 TEST_P(RasterizeBackward, TakesWhatIsNoneAsZeros) {
   const int width = 20, height = 33;
-  const test::Records c = test::make_records(width, height, 20, 0.8f, 4);
+  const selftest::Records c = selftest::make_records(width, height, 20, 0.8f, 4);
   const Upstream all = random_upstream(width, height);
   const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   for (int left_out = 0; left_out < 3; ++left_out) {
@@ -77,7 +76,7 @@ TEST_P(RasterizeBackward, TakesWhatIsNoneAsZeros) {
 
 // In a profiled run; its results are the same to the bit.
 TEST_P(RasterizeBackward, CountsWhatItBlendsInAProfiledRun) {
-  const test::Records c = test::make_records(70, 50, 100, 0.6f, 9);
+  const selftest::Records c = selftest::make_records(70, 50, 100, 0.6f, 9);
   const Upstream up = random_upstream(70, 50);
   for (const Pulls pulls : {Pulls::none, Pulls::held, Pulls::through}) {
     const std::vector<float> plain = run(c, 70, 50, up, pulls);
@@ -92,7 +91,7 @@ TEST_P(RasterizeBackward, CountsWhatItBlendsInAProfiledRun) {
 
 // Alpha held at 0.99 does not move with the Gaussian; its colour and depth do.
 TEST_P(RasterizeBackward, HoldsAlphaAtItsLimit) {
-  test::Records c;
+  selftest::Records c;
   c.records = {8, 8, 100, 2, 0, 0, -1e-9f, -1e-9f, 1, 1, 1, 0};
   c.ids = {0};
   c.starts = {0, 1};

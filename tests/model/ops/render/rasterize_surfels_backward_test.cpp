@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include "model/diagnose/selftest/inputs/surfel_blending.h"
+#include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "model/ops/render/rasterize_surfels.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"
-#include "tests/support/surfel_records.h"
 
 namespace vsplat {
 namespace {
@@ -26,7 +26,7 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
   }
 
   // Rows in the order of ids, zeros where none was written.
-  std::vector<float> run(const test::Records& c, int width, int height, const SurfelCotangent& by,
+  std::vector<float> run(const selftest::Records& c, int width, int height, const SurfelCotangent& by,
                          const ref::SurfelOptions& o) {
     const auto upload = [&](const std::vector<float>& v, const Shape& shape) {
       return v.empty() ? Tensor() : ctx().upload(shape, v);
@@ -40,7 +40,7 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
     Binned b;
     b.ids = upload_u32(c.ids);
     b.starts = upload_u32(c.starts);
-    const std::vector<std::uint32_t> slots = test::slots_of(c, selftest::kSurfelNumbers);
+    const std::vector<std::uint32_t> slots = selftest::slots_of(c, selftest::kSurfelNumbers);
     b.slots = upload_u32(slots);
     const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
     const float near = static_cast<float>(o.options.near);
@@ -52,8 +52,8 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
                                    upload(by.distortion, {height, width})};
     const IntersectionGradients got =
         rasterize_surfels_backward(ctx(), {p, b, whole, background, picture, gradient, near, revision_of(o)});
-    return test::rows_in_order(ctx().read<float>(got.rows), ctx().read<std::uint8_t>(got.touched), slots,
-                               selftest::kSurfelNumbers);
+    return selftest::rows_in_order(ctx().read<float>(got.rows), ctx().read<std::uint8_t>(got.touched), slots,
+                                   selftest::kSurfelNumbers);
   }
 
   const std::array<float, 3> background{0.25f, 0.5f, 1};
@@ -63,12 +63,13 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
 TEST_P(RasterizeSurfelsBackward, CountsWhatItBlendsInAProfiledRun) {
   const int width = 53, height = 40;
   const ref::SurfelOptions o = options(false);
-  const test::Records c = test::make_surfel_records(width, height, 60, 0.8f, 3, o);
+  const selftest::Records c = selftest::make_surfel_records(width, height, 60, 0.8f, 3, o);
   std::uint64_t pairs = 0;
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       ref::SurfelPixel pixel;
-      const auto tile = static_cast<std::size_t>(y / 16 * ((width + 15) / 16) + x / 16);
+      const std::size_t across = (width + 15) / 16;
+      const std::size_t tile = static_cast<std::size_t>(y / 16) * across + static_cast<std::size_t>(x / 16);
       for (std::uint32_t i = c.starts[tile]; i < c.starts[tile + 1]; ++i) {
         const ref::Meeting at =
             ref::meet_record(&c.records[selftest::kSurfelNumbers * std::size_t{c.ids[i]}], x + 0.5, y + 0.5, o);
@@ -93,7 +94,7 @@ TEST_P(RasterizeSurfelsBackward, CountsWhatItBlendsInAProfiledRun) {
 
 TEST_P(RasterizeSurfelsBackward, HandlesAnyNumberPerTile) {
   for (const int count : {0, 1, 63, 64, 65}) {
-    const test::Records c = test::make_surfel_records(33, 20, count, 0.3f, 3, options(false));
+    const selftest::Records c = selftest::make_surfel_records(33, 20, count, 0.3f, 3, options(false));
     const SurfelCotangent by = SurfelCotangent::random(33, 20);
     const std::vector<float> rows = run(c, 33, 20, by, options(false));
     EXPECT_EQ(rows.size(), selftest::kSurfelNumbers * c.ids.size());
@@ -110,7 +111,7 @@ TEST_P(RasterizeSurfelsBackward, HandlesAnyNumberPerTile) {
 TEST_P(RasterizeSurfelsBackward, TakesWhatIsNoneAsZeros) {
   const int width = 20, height = 33;
   const ref::SurfelOptions o = options(false);
-  const test::Records c = test::make_surfel_records(width, height, 20, 0.8f, 4, o);
+  const selftest::Records c = selftest::make_surfel_records(width, height, 20, 0.8f, 4, o);
   const SurfelCotangent all = SurfelCotangent::random(width, height);
   for (std::vector<float> SurfelCotangent::*map :
        {&SurfelCotangent::colour, &SurfelCotangent::alpha, &SurfelCotangent::depth, &SurfelCotangent::normal,
@@ -124,7 +125,7 @@ TEST_P(RasterizeSurfelsBackward, TakesWhatIsNoneAsZeros) {
 
 // Alpha held at 0.99 does not move with the surfel; its colour, depth and normal do.
 TEST_P(RasterizeSurfelsBackward, HoldsAlphaAtItsLimit) {
-  test::Records c;
+  selftest::Records c;
   c.records = {8, 8, 0, 2, 1e-6f, 0, 0, 1e-6f, 0, 0, 50, 50, 1, 1, 1, 1e30f, 0, 0, -1, 1e30f};
   c.ids = {0};
   c.starts = {0, 1};

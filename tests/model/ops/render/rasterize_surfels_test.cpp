@@ -4,9 +4,9 @@
 
 #include <cmath>
 
+#include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "model/diagnose/selftest/reference/rasterize_surfels.h"
 #include "tests/support/operation.h"
-#include "tests/support/surfel_records.h"
 
 namespace vsplat {
 namespace {
@@ -18,7 +18,7 @@ class RasterizeSurfels : public test::FlavourTest {
   }
 
   // Starts as NaN, so that what is not drawn shows.
-  DevicePicture draw(const test::Records& c, const Part& part, int width, int height, const SurfelMaps& maps,
+  DevicePicture draw(const selftest::Records& c, const Part& part, int width, int height, const SurfelMaps& maps,
                      const ref::SurfelOptions& o) {
     Projected p;
     p.records = ctx().upload({static_cast<long>(c.records.size() / 20), 20}, c.records);
@@ -45,7 +45,7 @@ class RasterizeSurfels : public test::FlavourTest {
 // The same bits whether other maps are drawn beside one or not.
 TEST_P(RasterizeSurfels, DrawsWhatIsAskedFor) {
   const ref::SurfelOptions o = options(false);
-  const test::Records c = test::make_surfel_records(37, 21, 20, 0.8f, 4, o);
+  const selftest::Records c = selftest::make_surfel_records(37, 21, 20, 0.8f, 4, o);
   const Part whole{0, 0, 3, 2};
   const std::vector<Tensor> all = maps_of(draw(c, whole, 37, 21, {true, true, true}, o));
   for (const SurfelMaps& maps :
@@ -64,7 +64,7 @@ TEST_P(RasterizeSurfels, DrawsWhatIsAskedFor) {
 
 // One that faces the camera all over the picture: alpha is known, and what of it is nearer than the near plane.
 TEST_P(RasterizeSurfels, StopsAtThresholds) {
-  test::Records c;
+  selftest::Records c;
   for (int i = 0; i < 3; ++i)
     for (const float v : {8.0f, 8.0f, 0.0f, 2.0f, 1e-6f, 0.0f,  0.0f, 1e-6f, 0.0f,  0.0f,
                           0.0f, 0.0f, 1.0f, 1.0f, 1.0f,  1e30f, 0.0f, 0.0f,  -1.0f, 1e30f})

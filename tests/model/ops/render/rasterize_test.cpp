@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 
+#include "model/diagnose/selftest/inputs/records.h"
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "tests/support/counted.h"
 #include "tests/support/operation.h"
@@ -14,40 +14,6 @@ namespace {
 
 class Rasterize : public test::FlavourTest {
  protected:
-  struct Case {
-    std::vector<float> records;
-    std::vector<std::uint32_t> ids, starts;
-  };
-
-  // `per_tile` records near each tile, of sizes from a pixel to the tile; alpha keeps away from its thresholds'
-  // neighbourhood only by chance, so a few pixels may flip: none does for these seeds.
-  Case make(int width, int height, int per_tile, float opacity, std::uint32_t seed) {
-    std::mt19937 engine(seed);
-    std::uniform_real_distribution<float> uniform;
-    Case c;
-    const int tiles_x = (width + 15) / 16, tiles = tiles_x * ((height + 15) / 16);
-    for (int tile = 0; tile < tiles; ++tile) {
-      c.starts.push_back(static_cast<std::uint32_t>(c.ids.size()));
-      if (tile % 5 == 4) continue;  // some see nothing
-      for (int i = 0; i < per_tile; ++i) {
-        const float u = static_cast<float>(tile % tiles_x * 16) + 20 * uniform(engine) - 2;
-        const float v = static_cast<float>(tile / tiles_x * 16) + 20 * uniform(engine) - 2;
-        const float a = 0.5f + 40 * uniform(engine), d = 0.4f + 10 * uniform(engine), k = 2 * uniform(engine) - 1;
-        const float o = opacity * (0.5f + 0.5f * uniform(engine));
-        const float vertical = d + k * k * a, reach = std::sqrt(2 * vertical * std::log(255 * o)) + 0.1f;
-        c.ids.push_back(static_cast<std::uint32_t>(c.records.size() / 12));
-        const float log2e = 1.4426950409f;
-        for (const float f :
-             {u, v, reach, 1 + static_cast<float>(i), std::log2(o), k, -0.5f * log2e / a, -0.5f * log2e / d})
-          c.records.push_back(f);
-        for (int j = 0; j < 3; ++j) c.records.push_back(2 * uniform(engine));
-        c.records.push_back(0);
-      }
-    }
-    c.starts.push_back(static_cast<std::uint32_t>(c.ids.size()));
-    return c;
-  }
-
   // Starts as NaN, so that what is not drawn shows.
   DevicePicture draw(const Projected& p, const Binned& b, const Part& part, int width, int height,
                      const std::array<float, 3>& background) {
@@ -76,7 +42,7 @@ TEST_P(Rasterize, StopsBeforeTheThresholdIsPassed) {
 // In a profiled run its operations come of a counter; what is drawn is the same to the bit.
 TEST_P(Rasterize, CountsWhatItBlendsInAProfiledRun) {
   const int width = 53, height = 40;
-  const Case c = make(width, height, 300, 0.9f, 5);
+  const selftest::Records c = selftest::make_records(width, height, 300, 0.9f, 5);
   Projected p;
   p.records = ctx().upload({static_cast<long>(c.records.size() / 12), 12}, c.records);
   Binned b;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/sparse_conv.h"
 #include "model/ops/dense/conv3d.h"
 #include "model/ops/volume/sparse_map.h"
@@ -98,22 +99,7 @@ TEST(SparseConvReference, GradientsAreDifferences) {
   ref::SparseConvCase c = make_case({3, 0.5f, 2, 3});
   const std::vector<float> dy = random_floats(count(c.in.rows, 3), 9);
   const auto differences = [&](std::vector<float>& v) {
-    const auto loss = [&] {
-      const std::vector<double> y = ref::sparse_conv(c);
-      double sum = 0;
-      for (std::size_t i = 0; i < y.size(); ++i) sum += dy[i] * y[i];
-      return sum;
-    };
-    std::vector<double> out;
-    for (float& at : v) {
-      const float before = at;
-      at = 1;
-      const double more = loss();
-      at = 0;
-      out.push_back(more - loss());
-      at = before;
-    }
-    return out;
+    return ref::linear_differences(v, [&] { return ref::weighed(ref::sparse_conv(c), dy); });
   };
   const auto gradient = ref::sparse_conv_backward(c, dy);
   EXPECT_TRUE(test::close(gradient.dx, differences(c.in.x0), 1e-9));
