@@ -1,7 +1,7 @@
 #include "runtime/json_text.h"
 
 #include <nlohmann/json.hpp>
-#include <set>
+#include <utility>
 #include <vector>
 
 #include "runtime/fail.h"
@@ -13,26 +13,29 @@ using nlohmann::json;
 
 namespace {
 
-// Parses the text without building values. (A callback while the library builds them visits all members of an object
+// Builds the value while it checks the text. (The library's own builder with a callback visits all members of an object
 // after each member that is an object: this takes minutes for some ten thousand members.)
-class Guard : public nlohmann::json_sax<json> {
+class Builder : public nlohmann::json_sax<json> {
  public:
-  Guard(const std::string& what, int deepest) : what_(what), deepest_(static_cast<std::size_t>(deepest)) {}
+  Builder(const std::string& what, int deepest) : what_(what), deepest_(static_cast<std::size_t>(deepest)) {}
 
-  bool null() override { return value(); }
-  bool boolean(bool) override { return value(); }
-  bool number_integer(number_integer_t) override { return value(); }
-  bool number_unsigned(number_unsigned_t) override { return value(); }
-  bool number_float(number_float_t, const string_t&) override { return value(); }
-  bool string(string_t&) override { return value(); }
-  bool binary(binary_t&) override { return value(); }
-  bool start_object(std::size_t) override { return open(); }
-  bool start_array(std::size_t) override { return open(); }
+  json take() { return std::move(root_); }
+
+  bool null() override { return value(nullptr); }
+  bool boolean(bool v) override { return value(v); }
+  bool number_integer(number_integer_t v) override { return value(v); }
+  bool number_unsigned(number_unsigned_t v) override { return value(v); }
+  bool number_float(number_float_t v, const string_t&) override { return value(v); }
+  bool string(string_t& v) override { return value(std::move(v)); }
+  bool binary(binary_t& v) override { return value(std::move(v)); }
+  bool start_object(std::size_t) override { return open(json::object()); }
+  bool start_array(std::size_t) override { return open(json::array()); }
   bool end_object() override { return close(); }
   bool end_array() override { return close(); }
   bool key(string_t& name) override {
-    if (!fields_.back().insert(name).second)
-      fail(Status::format, "{}: an object has the field {} twice", what_, printable(name));
+    const auto [at, is_new] = open_.back()->emplace(name, nullptr);
+    if (!is_new) fail(Status::format, "{}: an object has the field {} twice", what_, printable(name));
+    member_ = &*at;
     return true;
   }
   bool parse_error(std::size_t byte, const std::string& found, const json::exception& e) override {
@@ -48,31 +51,38 @@ class Guard : public nlohmann::json_sax<json> {
   }
 
  private:
-  bool value() const {
-    if (fields_.size() > deepest_) fail(Status::format, "{}: nested deeper than {} levels", what_, deepest_);
+  json* put(json v) {
+    if (open_.size() > deepest_) fail(Status::format, "{}: nested deeper than {} levels", what_, deepest_);
+    json* const into = open_.empty() ? &root_ : open_.back()->is_array() ? &open_.back()->emplace_back() : member_;
+    *into = std::move(v);
+    return into;
+  }
+  bool value(json v) {
+    put(std::move(v));
     return true;
   }
-  bool open() {
-    value();
-    fields_.emplace_back();
+  bool open(json v) {
+    open_.push_back(put(std::move(v)));
     return true;
   }
   bool close() {
-    fields_.pop_back();
+    open_.pop_back();
     return true;
   }
 
   const std::string& what_;
   std::size_t deepest_;
-  std::vector<std::set<std::string>> fields_;  // fields of each open object
+  json root_;
+  std::vector<json*> open_;  // objects and arrays that have not ended
+  json* member_ = nullptr;   // of the innermost object, for the value that follows its name
 };
 
 }  // namespace
 
 nlohmann::json parse_json(const std::string& what, const std::string& text, int deepest) {
-  Guard guard(what, deepest);
-  json::sax_parse(text, &guard);
-  return json::parse(text);
+  Builder builder(what, deepest);
+  json::sax_parse(text, &builder);
+  return builder.take();
 }
 
 }  // namespace vsplat

@@ -62,6 +62,41 @@ void convert_all(const std::vector<std::byte>& raw, std::vector<Out>& out) {
   convert_all<Stored>(raw, out, [](Stored v) { return static_cast<Out>(v); });
 }
 
+// Converts values of an integer type; false, with `out` unchanged, for the others.
+template <class To>
+bool convert_integers(Dtype dtype, const std::vector<std::byte>& bytes, std::vector<To>& out) {
+  switch (dtype) {
+    case Dtype::i64:
+      convert_all<std::int64_t>(bytes, out);
+      break;
+    case Dtype::i32:
+      convert_all<std::int32_t>(bytes, out);
+      break;
+    case Dtype::i16:
+      convert_all<std::int16_t>(bytes, out);
+      break;
+    case Dtype::i8:
+      convert_all<std::int8_t>(bytes, out);
+      break;
+    case Dtype::u64:
+      convert_all<std::uint64_t>(bytes, out);
+      break;
+    case Dtype::u32:
+      convert_all<std::uint32_t>(bytes, out);
+      break;
+    case Dtype::u16:
+      convert_all<std::uint16_t>(bytes, out);
+      break;
+    case Dtype::u8:
+    case Dtype::boolean:
+      convert_all<std::uint8_t>(bytes, out);
+      break;
+    default:
+      return false;
+  }
+  return true;
+}
+
 // The position in the header's text of the digits of the metadata's `sha256`; npos if they are not there literally. A
 // key cannot occur inside a string, whose quotes are escaped, and no other object of a checked header has such a key.
 std::size_t find_digest(const std::string& header) {
@@ -286,80 +321,21 @@ std::vector<float> SafetensorsFile::floats(const TensorEntry& entry) const {
     return out;
   }
   const std::vector<std::byte> bytes = raw(entry);
-  switch (entry.dtype) {
-    case Dtype::f64:
-      convert_all<double>(bytes, out);
-      break;
-    case Dtype::f32:
-      break;
-    case Dtype::f16:
-      convert_all<std::uint16_t>(bytes, out, from_half);
-      break;
-    case Dtype::bf16:
-      convert_all<std::uint16_t>(bytes, out, from_bfloat);
-      break;
-    case Dtype::i64:
-      convert_all<std::int64_t>(bytes, out);
-      break;
-    case Dtype::i32:
-      convert_all<std::int32_t>(bytes, out);
-      break;
-    case Dtype::i16:
-      convert_all<std::int16_t>(bytes, out);
-      break;
-    case Dtype::i8:
-      convert_all<std::int8_t>(bytes, out);
-      break;
-    case Dtype::u64:
-      convert_all<std::uint64_t>(bytes, out);
-      break;
-    case Dtype::u32:
-      convert_all<std::uint32_t>(bytes, out);
-      break;
-    case Dtype::u16:
-      convert_all<std::uint16_t>(bytes, out);
-      break;
-    case Dtype::u8:
-    case Dtype::boolean:
-      convert_all<std::uint8_t>(bytes, out);
-      break;
-  }
+  if (entry.dtype == Dtype::f64)
+    convert_all<double>(bytes, out);
+  else if (entry.dtype == Dtype::f16)
+    convert_all<std::uint16_t>(bytes, out, from_half);
+  else if (entry.dtype == Dtype::bf16)
+    convert_all<std::uint16_t>(bytes, out, from_bfloat);
+  else
+    convert_integers(entry.dtype, bytes, out);
   return out;
 }
 
 std::vector<std::int64_t> SafetensorsFile::integers(const TensorEntry& entry) const {
-  const std::vector<std::byte> bytes = raw(entry);
   std::vector<std::int64_t> out(static_cast<std::size_t>(entry.count()));
-  switch (entry.dtype) {
-    case Dtype::i64:
-      convert_all<std::int64_t>(bytes, out);
-      break;
-    case Dtype::i32:
-      convert_all<std::int32_t>(bytes, out);
-      break;
-    case Dtype::i16:
-      convert_all<std::int16_t>(bytes, out);
-      break;
-    case Dtype::i8:
-      convert_all<std::int8_t>(bytes, out);
-      break;
-    case Dtype::u64:
-      convert_all<std::uint64_t>(bytes, out);
-      break;
-    case Dtype::u32:
-      convert_all<std::uint32_t>(bytes, out);
-      break;
-    case Dtype::u16:
-      convert_all<std::uint16_t>(bytes, out);
-      break;
-    case Dtype::u8:
-    case Dtype::boolean:
-      convert_all<std::uint8_t>(bytes, out);
-      break;
-    default:
-      fail(Status::format, "{}: tensor {} is {}, expected integers", path_, printable(entry.name),
-           name_of(entry.dtype));
-  }
+  if (!convert_integers(entry.dtype, raw(entry), out))
+    fail(Status::format, "{}: tensor {} is {}, expected integers", path_, printable(entry.name), name_of(entry.dtype));
   return out;
 }
 
