@@ -31,7 +31,7 @@ ViewDrawings drawings(Context& ctx, const Vectors& golden) {
           upload(ctx, golden, "stage.drawing.depth")};
 }
 
-// Of "coarse" or "final".
+// The cotangents of level "coarse" or "final".
 template <class Vectors>
 GaussianGradients cotangents(Context& ctx, const Vectors& golden, const std::string& level) {
   const auto field = [&](const char* name) { return upload(ctx, golden, "cotangent." + level + "." + name); };
@@ -41,7 +41,7 @@ GaussianGradients cotangents(Context& ctx, const Vectors& golden, const std::str
 // The outputs of a network's stages.
 struct StageOutputs {
   std::map<std::string, std::vector<float>> values;
-  // Of each stage's rows: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is a row.
+  // Channels of a row: SH [N,S,3] are S colours, each coefficient with its own scale; a single number is its own row.
   std::map<std::string, std::size_t> channels;
 
   std::function<void(const std::string&, const Tensor&)> tap(Context& ctx) {
