@@ -159,6 +159,11 @@ void read_sh(PlyFile& in, const PlyHeader& header, const PlyElement& element, co
 
 }  // namespace
 
+bool is_compressed_ply(const PlyHeader& header) {
+  const PlyElement* vertex = element_of(header, "vertex");
+  return vertex && vertex->find(kPacked[0]);
+}
+
 Scene read_compressed_ply(PlyFile& in, const PlyHeader& header, SkippedGaussians* skipped) {
   const std::string& path = in.path();
   const PlyElement& vertex = *element_of(header, "vertex");

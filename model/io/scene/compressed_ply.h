@@ -10,7 +10,10 @@
 
 namespace vsplat {
 
-// Reads the file behind a header whose vertices have packed_position. The bounds of colours and the spherical harmonics
+// Whether the vertices have packed_position.
+bool is_compressed_ply(const PlyHeader& header);
+
+// Reads the file behind such a header. The bounds of colours and the spherical harmonics
 // may be missing. Errors as read_ply().
 Scene read_compressed_ply(PlyFile& in, const PlyHeader& header, SkippedGaussians* skipped);
 

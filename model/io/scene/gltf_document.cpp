@@ -69,6 +69,10 @@ bool is_glb(std::span<const std::byte> beginning) {
   return beginning.size() >= 4 && word_at(beginning, 0) == 0x46546c67;
 }
 
+std::uint32_t glb_version(std::span<const std::byte> beginning) {
+  return beginning.size() >= 8 ? word_at(beginning, 4) : 0;
+}
+
 GltfValue GltfValue::operator[](const std::string& name) const {
   if (!exists()) return *this;
   if (!value_->is_object()) expected("an object");

@@ -7,6 +7,7 @@
 // spherical harmonics.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 
@@ -17,6 +18,8 @@ namespace vsplat {
 
 // Whether the beginning of a file is that of a GLB.
 bool is_glb(std::span<const std::byte> beginning);
+// The version that a GLB's header states; 0 if the file ends before.
+std::uint32_t glb_version(std::span<const std::byte> beginning);
 
 // Reads JSON or GLB. Attributes may be floats or normalised integers; buffers are the GLB's or in data: URIs. All
 // Gaussians of the file's scene come in one list. Error(format), naming the field, for a missing buffer, one that ends

@@ -16,7 +16,6 @@
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/message_text.h"
-#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -288,7 +287,7 @@ Scene read_any_ply(PlyFile& in, SkippedGaussians* skipped) {
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const PlyElement& e) { return e.name == "vertex"; });
   if (vertex == header.elements.end()) fail(Status::format, "{}: no element vertex: no 3DGS file", path);
-  if (vertex->find("packed_position")) return read_compressed_ply(in, header, skipped);
+  if (is_compressed_ply(header)) return read_compressed_ply(in, header, skipped);
   const Layout layout = find_columns(path, *vertex);
   const std::unique_ptr<PlyRows> rows = PlyRows::open(in, header, *vertex, layout.columns);
   Scene scene;

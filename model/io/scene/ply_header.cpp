@@ -1,6 +1,6 @@
 #include "model/io/scene/ply_header.h"
 
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <bit>
@@ -94,6 +94,7 @@ class Parser {
       bad("format \"" + printable(words[1]) +
           "\" is unknown: binary_little_endian, binary_big_endian or ascii is expected");
     header_.format = static_cast<PlyFormat>(known - std::begin(kFormats));
+    header_.version = fmt::format("{}", fmt::join(words.begin() + 1, words.end(), " "));
   }
 
   void element(const std::vector<std::string>& words) {

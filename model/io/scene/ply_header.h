@@ -41,6 +41,7 @@ enum class PlyFormat : std::uint8_t { little_endian, big_endian, ascii };
 
 struct PlyHeader {
   PlyFormat format = PlyFormat::little_endian;
+  std::string version;  // as the file states it: "binary_little_endian 1.0"
   std::vector<PlyElement> elements;
   std::vector<std::string> comments;  // without the word "comment"
   std::size_t size = 0;               // in bytes: the offset of the data

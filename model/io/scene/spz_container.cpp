@@ -301,9 +301,21 @@ std::size_t SpzContainer::bytes_of(std::size_t stream) const {
   }
 }
 
+static bool is_gzip(std::span<const std::byte> content) {
+  return content.size() >= 2 && content[0] == std::byte{0x1f} && content[1] == std::byte{0x8b};
+}
+
+SpzBeginning spz_beginning(const std::string& name, std::span<const std::byte> content) {
+  std::array<std::byte, kSpzOldHeader> header{};
+  if (is_gzip(content))
+    Inflater(name, content).read(header.data(), header.size());
+  else
+    std::copy_n(content.begin(), std::min(content.size(), header.size()), header.begin());
+  return {number_at<std::uint32_t>(&header[4]), (std::to_integer<std::uint8_t>(header[14]) & kExtensions) != 0};
+}
+
 SpzContainer unpack_spz(const std::string& name, std::span<const std::byte> content) {
-  const bool is_gzip = content.size() >= 2 && content[0] == std::byte{0x1f} && content[1] == std::byte{0x8b};
-  return is_gzip ? unpack_gzip(name, content) : unpack_zstd(name, content);
+  return is_gzip(content) ? unpack_gzip(name, content) : unpack_zstd(name, content);
 }
 
 std::string pack_spz(const SpzContainer& spz) { return spz.version < kSpzNewest ? pack_gzip(spz) : pack_zstd(spz); }

@@ -36,6 +36,14 @@ struct SpzContainer {
   std::size_t bytes_of(std::size_t stream) const;
 };
 
+// What an SPZ file's first bytes say; the version is the file's, even if it is not read. Error(format) for damaged gzip
+// data.
+struct SpzBeginning {
+  std::uint32_t version = 0;
+  bool extensions = false;  // there are extension records, which may say where the axes point
+};
+SpzBeginning spz_beginning(const std::string& name, std::span<const std::byte> content);
+
 // Throws Error(memory), and Error(format) with the path, the field, its byte and what is expected. Allocates at most 64
 // MiB, or a thousand times the file's size if that is more.
 SpzContainer unpack_spz(const std::string& name, std::span<const std::byte> content);
