@@ -30,33 +30,28 @@ void on_log(void*, vsplat_log_level level, const char* text) {
 }
 
 void add_device_options(CLI::App& app, Common& common, bool precision) {
-  const std::string group = "Device";
+  const OptionGroup in(app, "Device");
   app.add_option(
          "-d,--device", common.device,
          "OpenCL device: index, platform:device, cpu|gpu|acc, or part of its name (default: $VSPLAT_DEVICE, else "
          "the first GPU, else the first device); render, evaluate, train and reconstruct --list take several, \"0,1\" "
          "or all")
-      ->type_name("DEVICE")
-      ->group(group);
+      ->type_name("DEVICE");
   app.add_option("--kernels", common.kernels, "Flavour of the dense kernels (default: $VSPLAT_KERNELS, else by device)")
       ->check(one_of({"auto", "cpu", "gpu"}))
-      ->type_name("auto|cpu|gpu")
-      ->group(group);
+      ->type_name("auto|cpu|gpu");
   app.add_option("--gemm", common.gemm,
                  "Implementation of matrix products: CLBlast, or vsplat's own, which auto takes (default: auto)")
       ->check(one_of({"auto", "own", "clblast"}))
-      ->type_name("auto|own|clblast")
-      ->group(group);
+      ->type_name("auto|own|clblast");
   if (precision)
     app.add_option("--precision", common.precision,
                    "Precision of large matrix products: mixed rounds the factors to bf16, for matrix units")
         ->check(one_of({"fp32", "mixed"}))
-        ->type_name("fp32|mixed")
-        ->group(group);
+        ->type_name("fp32|mixed");
   app.add_option("--max-memory", common.max_memory, "Device memory to use at most (default: what the device reports)")
       ->check(positive())
-      ->type_name("GiB")
-      ->group(group);
+      ->type_name("GiB");
 }
 
 }  // namespace
@@ -65,32 +60,29 @@ CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMe
 
 void add_common(CLI::App& app, Common& common, const Takes& takes) {
   if (takes.device) add_device_options(app, common, takes.precision);
-  const std::string group = "Messages and files";
+  const OptionGroup in(app, "Messages and files");
   if (takes.outside)
     app.add_option("--max-host-memory", common.max_host_memory,
                    "Host memory to use at most (default: three quarters of the free memory)")
         ->check(positive())
         ->type_name("GiB")
-        ->group(takes.device ? "Device" : group);
+        ->group(takes.device ? "Device" : "Messages and files");
   common.takes_profile = takes.profile;
   if (takes.profile) {
     app.add_option("--profile", common.profile,
                    "Write a profile: the time of every kernel and of the host, as JSON or as a page")
-        ->type_name("FILE.json|.html")
-        ->group(group);
+        ->type_name("FILE.json|.html");
     app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
-        ->type_name("FILE")
-        ->group(group);
+        ->type_name("FILE");
   }
   if (takes.outside)
     app.add_flag("--allow-outside", common.allow_outside,
                  "Read pictures, masks, textures and buffers that files name wherever they are, not only in the files' "
-                 "folder")
-        ->group(group);
-  if (takes.json) app.add_flag("--json", common.json, "Print results as JSON on stdout")->group(group);
-  if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace existing files")->group(group);
-  app.add_flag("-q,--quiet", common.quiet, "Print only warnings and errors")->group(group);
-  app.add_flag("-v,--verbose", common.verbose, "Also print details")->group(group);
+                 "folder");
+  if (takes.json) app.add_flag("--json", common.json, "Print results as JSON on stdout");
+  if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace existing files");
+  app.add_flag("-q,--quiet", common.quiet, "Print only warnings and errors");
+  app.add_flag("-v,--verbose", common.verbose, "Also print details");
 }
 
 bool wants_times(const Common& common) { return !common.profile.empty() || !common.trace.empty(); }

@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <stdexcept>
 #include <string>
@@ -27,6 +26,21 @@ struct Common {
   std::string profile, trace;
   bool takes_profile = false;
   bool allow_outside = false, json = false, overwrite = false, quiet = false, verbose = false;
+};
+
+// Options that are added to `app` during its lifetime stand in this group of --help.
+class OptionGroup {
+ public:
+  OptionGroup(CLI::App& app, const std::string& name) : app_(app), before_(app.option_defaults()->get_group()) {
+    app_.option_defaults()->group(name);
+  }
+  ~OptionGroup() { app_.option_defaults()->group(before_); }
+  OptionGroup(const OptionGroup&) = delete;
+  OptionGroup& operator=(const OptionGroup&) = delete;
+
+ private:
+  CLI::App& app_;
+  std::string before_;
 };
 
 // A check of values that adds nothing to --help, where the type's name already lists them.

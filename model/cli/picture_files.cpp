@@ -11,79 +11,62 @@
 namespace command {
 namespace {
 
-void add_output_options(CLI::App& app, PictureOptions& o, const std::string& group) {
+void add_output_options(CLI::App& app, PictureOptions& o) {
   app.add_option("--images", o.images, "Folder for the pictures: 0000.png, ... in the cameras' order")
-      ->type_name("DIR")
-      ->group(group);
+      ->type_name("DIR");
   app.add_option("--format", o.format, "Format of --images: 8-bit PNG (default) or JPEG, or EXR with alpha and depth")
       ->check(one_of({"png", "jpg", "exr"}))
-      ->type_name("png|jpg|exr")
-      ->group(group);
+      ->type_name("png|jpg|exr");
   app.add_option("--quality", o.quality,
                  "Quality of JPEG and of a .webp --turntable (default: 90; 100: the .webp is lossless)")
-      ->type_name("1-100")
-      ->group(group);
+      ->type_name("1-100");
   app.add_flag("--exr-raw", o.exr_raw,
                "Write EXR with the rasteriser's own values: floats over the background, without a transfer curve, "
-               "depth accumulated")
-      ->group(group);
-  app.add_option("--sheet", o.sheet, "A contact sheet of all pictures")->type_name("FILE.png")->group(group);
+               "depth accumulated");
+  app.add_option("--sheet", o.sheet, "A contact sheet of all pictures")->type_name("FILE.png");
   app.add_option("--turntable", o.turntable, "An animation of all pictures, which loops")
-      ->type_name("FILE.webp|FILE.gif")
-      ->group(group);
+      ->type_name("FILE.webp|FILE.gif");
   app.add_option("--fps", o.fps, "Pictures per second of --turntable, 0.1 to 100, for a GIF at most 50 (default: 24)")
-      ->type_name("F")
-      ->group(group);
+      ->type_name("F");
   app.add_option("--write-cameras", o.write_cameras, "Write the cameras of the pictures, in the format of cameras.json")
-      ->type_name("FILE.json")
-      ->group(group);
+      ->type_name("FILE.json");
   app.add_option("--compare", o.compare,
                  "Measure PSNR and SSIM against the pictures in this folder: those that the cameras' list names, found "
                  "as by --pictures, or 0000, 0001, ...; larger ones are scaled down")
-      ->type_name("DIR")
-      ->group(group);
+      ->type_name("DIR");
   app.add_option("--differences", o.differences, "With --compare: folder for 4 x |difference| as 0000.png, ...")
-      ->type_name("DIR")
-      ->group(group);
+      ->type_name("DIR");
 }
 
 }  // namespace
 
 void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_option) {
   o.cameras_option = cameras_option;
-  const std::string group = "Pictures";
+  const OptionGroup in(app, "Pictures");
   app.add_option(
          cameras_option, o.cameras,
          "Draw the scene from these cameras (transforms.json, cameras.json, COLMAP model or a folder with one), from "
          "N on a circle, or from N on a smooth path through given ones")
-      ->type_name("CAMERAS|orbit:N|path:CAMERAS:N")
-      ->group(group);
-  add_output_options(app, o, group);
+      ->type_name("CAMERAS|orbit:N|path:CAMERAS:N");
+  add_output_options(app, o);
   app.add_option("--size", o.size,
                  "Size of the pictures; intrinsics are scaled, too (default: from the cameras' file; 512x512 for "
                  "orbit:N and if the file has none)")
-      ->type_name("WxH")
-      ->group(group);
+      ->type_name("WxH");
   app.add_option("--background", o.background,
                  "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1; or transparent, which gives "
                  "--images as PNG with alpha (default: white)")
-      ->type_name("COLOUR")
-      ->group(group);
+      ->type_name("COLOUR");
   app.add_option("--orbit-radius", o.orbit_radius,
                  "Distance of orbit:N's cameras from its centre, world units (default: from the inputs or the scene)")
-      ->type_name("R")
-      ->group(group);
-  app.add_option("--orbit-elevation", o.orbit_elevation, "Elevation of orbit:N's cameras, degrees")
-      ->type_name("DEG")
-      ->group(group);
+      ->type_name("R");
+  app.add_option("--orbit-elevation", o.orbit_elevation, "Elevation of orbit:N's cameras, degrees")->type_name("DEG");
   app.add_option("--supersample", o.supersample,
                  "Samples along a pixel's edge, 1 to 8: pictures are drawn this many times larger and averaged "
                  "(default: auto, enough for pictures smaller than the scene's input to keep its detail)")
-      ->type_name("N|auto")
-      ->group(group);
+      ->type_name("N|auto");
   app.add_option("--up", o.up, "Which way is up in the world (default: from the scene's file or the cameras)")
-      ->type_name("x,y,z")
-      ->group(group);
+      ->type_name("x,y,z");
 }
 
 namespace {

@@ -22,24 +22,21 @@ vsplat_views_options views_options(const std::string& pictures, bool skip_bad, b
 }
 
 void add_placement_options(CLI::App& app, PlacementOptions& o) {
+  const OptionGroup in(app, placement_group);
   app.add_option("--center", o.center,
                  "The cube's centre, world coordinates (default: aabb_center of the file, else estimated)")
-      ->type_name("x,y,z")
-      ->group(placement_group);
+      ->type_name("x,y,z");
   app.add_option("--scale", o.scale,
                  "The cube's edge, world units (default: twice aabb_half of the file, else estimated)")
-      ->type_name("S")
-      ->group(placement_group);
+      ->type_name("S");
   app.add_flag("--auto-frame", o.auto_frame,
                "Estimate what is not given even if the file states it: from COLMAP's points, else from masks, else "
-               "from the cameras' axes")
-      ->group(placement_group);
+               "from the cameras' axes");
   app.add_option("--crop", o.crop,
                  "How pictures of another size or shape are used: object crops around the cube, crop takes the centre "
                  "square, pad adds white, auto resamples square ones and treats others as object")
       ->check(one_of({"auto", "object", "crop", "pad"}))
-      ->type_name("auto|object|crop|pad")
-      ->group(placement_group);
+      ->type_name("auto|object|crop|pad");
 }
 
 vsplat_crop crop_of(const PlacementOptions& options) {

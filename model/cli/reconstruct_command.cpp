@@ -267,50 +267,38 @@ void reconstruct(ReconstructOptions& o) {
 }
 
 void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
-  const std::string group = "Fitting";
+  const OptionGroup in(sub, "Fitting");
   sub.add_flag("--refine", o.refine,
                "Then fit the scene to the pictures, as `vsplat fit --start network` does: to those of --views if "
-               "given, else to all")
-      ->group(group);
+               "given, else to all");
   sub.add_option("--refine-steps", o.fit.steps, "Number of steps (default: auto, by the number of views)")
-      ->type_name("N|auto")
-      ->group(group);
+      ->type_name("N|auto");
   sub.add_option("--refine-time,--time", o.fit.seconds,
                  "Time limit, measuring included: no step is begun that would end after it")
-      ->type_name("SECONDS")
-      ->group(group);
+      ->type_name("SECONDS");
   sub.add_option("--refine-size", o.fit.size, "Pixels of the pictures' longer side (default: 512)")
-      ->type_name("N|full")
-      ->group(group);
+      ->type_name("N|full");
   sub.add_option("--refine-sheet", o.fit.sheet,
                  "A row for each held-out picture: picture, the network's result, the fit's result, 4 x difference")
-      ->type_name("FILE.png")
-      ->group(group);
+      ->type_name("FILE.png");
 }
 
 void add_extras(CLI::App& sub, ReconstructOptions& o) {
-  const std::string group = "More";
+  const OptionGroup in(sub, "More");
   sub.add_option("--write-views", o.write_views, "Write the network's input: pictures and cameras.json")
-      ->type_name("DIR")
-      ->group(group);
-  sub.add_option("--write-selection", o.write_selection, "Write the selected voxels as text")
-      ->type_name("FILE")
-      ->group(group);
+      ->type_name("DIR");
+  sub.add_option("--write-selection", o.write_selection, "Write the selected voxels as text")->type_name("FILE");
   sub.add_option("--selection", o.selection, "Use the voxels in this file, whatever the network would select")
-      ->type_name("FILE")
-      ->group(group);
+      ->type_name("FILE");
   sub.add_option("--selection-seed", o.selection_seed, "Add noise with this seed to the selection (default: no noise)")
-      ->type_name("S")
-      ->group(group);
+      ->type_name("S");
   sub.add_option("--near", o.pictures.near, "Near plane, world units (default: 0.2 times the cube's edge)")
-      ->type_name("Z")
-      ->group(group);
-  sub.add_option("--dump", o.dump, "Write the result of every stage as safetensors")->type_name("DIR")->group(group);
-  sub.add_flag("--dry-run", o.dry_run, "Only print how much memory each stage would take")->group(group);
+      ->type_name("Z");
+  sub.add_option("--dump", o.dump, "Write the result of every stage as safetensors")->type_name("DIR");
+  sub.add_flag("--dry-run", o.dry_run, "Only print how much memory each stage would take");
   sub.add_option("--assume-selected", o.assume_selected,
                  "Share of the voxels that memory is planned for (default: " + share_text(VSPLAT_ASSUME_SELECTED) + ")")
-      ->type_name("F")
-      ->group(group);
+      ->type_name("F");
 }
 
 // Added after all options that apply only to a single set of views.
@@ -322,17 +310,15 @@ void add_list(CLI::App& sub, ReconstructOptions& o) {
   for (CLI::Option* option : sub.get_options())
     if (std::none_of(with.begin(), with.end(), [&](const std::string& name) { return option->check_name(name); }))
       others.push_back(option);
-  const std::string group = "Many objects";
+  const OptionGroup in(sub, "Many objects");
   CLI::Option* list =
       sub.add_option("--list", o.list,
                      "A text file (or - for stdin) with one VIEWS per line, as on the command line, optionally "
                      "followed by a tab and the scene's name. Each scene becomes DIR/NAME.ply. Objects that cannot be "
                      "read are reported at the end, after the others are made. --device takes several devices")
-          ->type_name("FILE")
-          ->group(group);
+          ->type_name("FILE");
   for (CLI::Option* other : others) list->excludes(other);
-  sub.add_flag("--skip-existing", o.skip_existing, "With --list: skip objects whose scene already exists")
-      ->group(group);
+  sub.add_flag("--skip-existing", o.skip_existing, "With --list: skip objects whose scene already exists");
 }
 
 }  // namespace

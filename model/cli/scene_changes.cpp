@@ -67,54 +67,42 @@ std::string axes_letters(const std::string& option, const std::string& text) {
 }  // namespace
 
 void add_change_options(CLI::App& app, ChangeOptions& o) {
-  const std::string removing = "Removing Gaussians, in the input's coordinates and units";
+  const OptionGroup removing(app, "Removing Gaussians, in the input's coordinates and units");
   app.add_option("--crop-box", o.box,
                  "Keep only Gaussians whose centres lie in this box, given by its low and its high corner")
-      ->type_name("x,y,z,x,y,z")
-      ->group(removing);
+      ->type_name("x,y,z,x,y,z");
   app.add_option("--crop-sphere", o.sphere,
                  "Keep only Gaussians whose centres lie in this sphere, given by its centre and radius")
-      ->type_name("x,y,z,r")
-      ->group(removing);
-  app.add_option("--min-opacity", o.min_opacity, "Remove Gaussians with an opacity below this, 0 to 1")
-      ->type_name("P")
-      ->group(removing);
+      ->type_name("x,y,z,r");
+  app.add_option("--min-opacity", o.min_opacity, "Remove Gaussians with an opacity below this, 0 to 1")->type_name("P");
   app.add_option("--max-size", o.max_size, "Remove Gaussians whose largest standard deviation is above this")
-      ->type_name("S")
-      ->group(removing);
+      ->type_name("S");
   app.add_flag("--remove-floaters", o.remove_floaters,
                "Remove isolated Gaussians: the mean distance to their eight nearest neighbours is more than ten times "
-               "the scene's median, and more than three times their own size")
-      ->group(removing);
-  const std::string changing = "Changing the scene afterwards, in this order";
+               "the scene's median, and more than three times their own size");
+  const OptionGroup changing(app, "Changing the scene afterwards, in this order");
   app.add_option("--up", o.up, "The up direction in the input (default: the file's, else that of --from)")
-      ->type_name("x,y,z")
-      ->group(changing);
+      ->type_name("x,y,z");
   app.add_flag("--upright", o.upright,
-               "Rotate the scene by the smallest angle that turns its up direction into that of the axes (--from)")
-      ->group(changing);
+               "Rotate the scene by the smallest angle that turns its up direction into that of the axes (--from)");
   app.add_option(
          "--from", o.from,
          "The input's axes: three letters for where +x, +y and +z point, each R or L (right, left), U or D (up, down), "
          "F or B (forward, back) (default: RDF, as in 3DGS and COLMAP)")
-      ->type_name("XYZ")
-      ->group(changing);
+      ->type_name("XYZ");
   app.add_option(
          "--to", o.to,
          "The output's axes (default: the input's); positions, rotations and view-dependent colours are converted")
-      ->type_name("XYZ")
-      ->group(changing);
-  app.add_option("--scale", o.scale, "Scale about the origin")->type_name("S")->group(changing);
-  app.add_option("--translate", o.translate, "Translate, after scaling")->type_name("x,y,z")->group(changing);
+      ->type_name("XYZ");
+  app.add_option("--scale", o.scale, "Scale about the origin")->type_name("S");
+  app.add_option("--translate", o.translate, "Translate, after scaling")->type_name("x,y,z");
   app.add_option("--sh", o.sh, "Highest degree of spherical harmonics to keep")
       ->check(one_of({"0", "1", "2", "3", "4"}))
-      ->type_name("0..4")
-      ->group(changing);
+      ->type_name("0..4");
   app.add_option("--max-gaussians", o.max_gaussians,
                  "Keep only the N most visible Gaussians, those with the largest sums of blending weights in pictures "
                  "from 24 cameras around the scene")
-      ->type_name("N")
-      ->group(changing);
+      ->type_name("N");
 }
 
 SceneChanges::SceneChanges(const ChangeOptions& o)

@@ -299,21 +299,17 @@ void add_train(CLI::App& app, Run& run) {
       ->type_name("RUN...");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out data that cannot be read, and count them");
-  const char* memory = "Memory";
-  sub->add_flag("--dry-run", o->dry_run, "Only print how much device memory a step takes; needs no data")
-      ->group(memory);
+  const OptionGroup in(*sub, "Memory");
+  sub->add_flag("--dry-run", o->dry_run, "Only print how much device memory a step takes; needs no data");
   sub->add_option("--assume-selected", o->assume_selected,
                   "Share of the voxels that memory is planned for at first (default: " +
                       share_text(VSPLAT_TRAIN_ASSUME_SELECTED) + ")")
-      ->type_name("F")
-      ->group(memory);
+      ->type_name("F");
   sub->add_option("--assume-intersections", o->assume_intersections,
                   "Intersections of Gaussians with tiles in a picture, as in log.csv (default: 8 for each Gaussian)")
-      ->type_name("N")
-      ->group(memory);
+      ->type_name("N");
   sub->add_option("--selection", o->selection, "Use these voxels in every step, whatever the network chooses")
-      ->type_name("FILE")
-      ->group(memory);
+      ->type_name("FILE");
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
       "Sizes, the configuration's \"model\": tiny (pictures of 48 x 48 pixels; shows within minutes whether\n"
