@@ -74,6 +74,24 @@ class Network {
                         const GaussianGradients& dfinal, const Tensor& drays) const = 0;
 };
 
+// The part that is the same for every architecture: a model beside its configuration.
+template <typename Model, typename Config>
+class NetworkWith : public Network {
+ public:
+  NetworkWith(Context& ctx, const Config& config, const WeightSource& weights)
+      : config_(config), model_(ctx, config, weights) {}
+
+  const AnyConfig& config() const override { return config_; }
+  RenderOptions drawing() const override { return drawing_of(model_.config()); }
+  MemoryPlan plan(const Context& ctx, long views, long selected) const override {
+    return model_.plan(ctx, views, selected);
+  }
+
+ protected:
+  AnyConfig config_;
+  Model model_;
+};
+
 // Uploads and repacks the weights.
 std::unique_ptr<Network> make_network(Context& ctx, const AnyConfig& config, const WeightSource& weights);
 // Memory of a model that is not loaded yet, including its weights; allocates nothing.

@@ -58,21 +58,17 @@ struct OnVsplat {
 };
 
 template <typename Backbone>
-class GendenNetwork : public Network {
- public:
-  GendenNetwork(Context& ctx, const typename Backbone::Config& config, const WeightSource& weights)
-      : config_(config), model_(ctx, config, weights) {}
+class GendenNetwork : public NetworkWith<typename Backbone::Model, typename Backbone::Config> {
+  using Base = NetworkWith<typename Backbone::Model, typename Backbone::Config>;
+  using Base::model_;
 
-  const AnyConfig& config() const override { return config_; }
-  RenderOptions drawing() const override { return drawing_of(model_.config()); }
+ public:
+  using Base::Base;
+  using typename Base::Half, typename Base::Result, typename Base::Trained;
 
   Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                  const ForwardOptions& options) const override {
     return Backbone::result(model_.forward(ctx, images, cameras, Backbone::options(options)), model_);
-  }
-
-  MemoryPlan plan(const Context& ctx, long views, long selected) const override {
-    return model_.plan(ctx, views, selected);
   }
 
   Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
@@ -80,21 +76,21 @@ class GendenNetwork : public Network {
     Begun begun{model_.coarse_in_training(ctx, images, cameras, Backbone::options(options), recompute), images,
                 cameras};
     const long selected = Backbone::selected(begun.coarse);
-    return {selected, std::make_shared<StateOf<Begun>>(std::move(begun))};
+    return {selected, std::make_shared<Network::StateOf<Begun>>(std::move(begun))};
   }
 
   Trained finish(Context& ctx, Half half, const ForwardOptions& options) const override {
-    auto& begun = value_in<Begun>(half.state);
+    auto& begun = Network::value_in<Begun>(half.state);
     typename Model::Trained made =
         model_.fine_in_training(ctx, std::move(begun.coarse), begun.images, begun.cameras, Backbone::options(options));
     Trained out = Backbone::result(made, half.selected);
-    out.state = std::make_shared<StateOf<typename Model::Trained>>(std::move(made));
+    out.state = std::make_shared<Network::StateOf<typename Model::Trained>>(std::move(made));
     return out;
   }
 
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                 const Tensor& drays) const override {
-    Backbone::backward(ctx, model_, value_in<typename Model::Trained>(trained.state), dcoarse, dfinal, drays);
+    Backbone::backward(ctx, model_, Network::value_in<typename Model::Trained>(trained.state), dcoarse, dfinal, drays);
   }
 
  private:
@@ -104,9 +100,6 @@ class GendenNetwork : public Network {
     Tensor images;
     std::vector<Camera> cameras;
   };
-
-  AnyConfig config_;
-  Model model_;
 };
 
 }  // namespace

@@ -6,22 +6,14 @@
 namespace vsplat {
 namespace {
 
-class LaraNetwork : public Network {
+class LaraNetwork : public NetworkWith<LaraModel, LaraConfig> {
  public:
-  LaraNetwork(Context& ctx, const LaraConfig& config, const WeightSource& weights)
-      : config_(config), model_(ctx, config, weights) {}
-
-  const AnyConfig& config() const override { return config_; }
-  RenderOptions drawing() const override { return drawing_of(model_.config()); }
+  using NetworkWith::NetworkWith;
 
   Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                  const ForwardOptions& options) const override {
     const LaraResult made = model_.forward(ctx, images, cameras, lara_options(options));
     return {made.coarse, made.final, voxels_of(made.kept, model_.config()), model_.config().grid(), {}};
-  }
-
-  MemoryPlan plan(const Context& ctx, long views, long selected) const override {
-    return model_.plan(ctx, views, selected);
   }
 
   Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
@@ -43,10 +35,6 @@ class LaraNetwork : public Network {
                 const Tensor&) const override {
     model_.backward(ctx, value_in<LaraModel::Trained>(trained.state), dcoarse, dfinal);
   }
-
- private:
-  AnyConfig config_;
-  LaraModel model_;
 };
 
 }  // namespace

@@ -3,8 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "model/base/json_fields.h"
-#include "model/networks/params/match_tensors.h"
-#include "model/networks/params/model_file.h"
 #include "model/networks/params/params.h"
 #include "runtime/json_text.h"
 
@@ -58,7 +56,9 @@ std::vector<Parameter> parameters(const AnyConfig& config) {
 }
 
 long parameter_count(const AnyConfig& config) {
-  return config.visit([](const auto& c) { return parameter_count(c); });
+  long out = 0;
+  for (const Parameter& p : parameters(config)) out += p.trained ? p.count() : 0;
+  return out;
 }
 
 void check(const AnyConfig& config, Status status) {
@@ -100,16 +100,6 @@ AnyConfig with_fields(AnyConfig config, const std::vector<std::string>& assignme
     check(c);
     return AnyConfig(c);
   });
-}
-
-Weights read_weights(const SafetensorsFile& file, const AnyConfig& config, const std::string& prefix) {
-  const std::vector<Parameter> expected = parameters(config);
-  return read_values(file, expected, match_tensors(file, expected, {prefix}));
-}
-
-void save_model(const std::string& path, const AnyConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance) {
-  config.visit([&](const auto& c) { save_model(path, c, weights, provenance); });
 }
 
 }  // namespace vsplat

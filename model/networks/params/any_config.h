@@ -1,7 +1,5 @@
 // A configuration of any architecture in systems.h, and the queries that jobs need.
 #pragma once
-#include <cstdint>
-#include <map>
 #include <string>
 #include <type_traits>
 #include <variant>
@@ -10,7 +8,6 @@
 #include "model/base/taken_views.h"
 #include "model/networks/params/parameter.h"
 #include "model/networks/params/systems.h"
-#include "runtime/files/safetensors.h"
 
 namespace vsplat {
 
@@ -60,7 +57,7 @@ class AnyConfig {
 };
 
 std::vector<Parameter> parameters(const AnyConfig& config);
-long parameter_count(const AnyConfig& config);  // see params.h
+long parameter_count(const AnyConfig& config);  // of trained values
 void check(const AnyConfig& config, Status status = Status::usage);
 
 // A named configuration of an architecture. Error(usage) lists the architectures, or the names.
@@ -70,9 +67,5 @@ std::string any_to_json(const AnyConfig& config);
 // Absent fields come from the architecture's configuration `base`; without "system", it is VS-Splat's.
 AnyConfig any_config_from_json(const std::string& text, const std::string& base);
 AnyConfig with_fields(AnyConfig config, const std::vector<std::string>& assignments);
-
-Weights read_weights(const SafetensorsFile& file, const AnyConfig& config, const std::string& prefix);
-void save_model(const std::string& path, const AnyConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance);
 
 }  // namespace vsplat

@@ -93,33 +93,14 @@ std::vector<double> sobol_points(int count) {
   return out;
 }
 
-// For VS-Splat's network and those built on it.
-template <class C>
-static Weights weights_with_places(const C& config, std::uint64_t seed) {
-  check(config);
-  Weights weights;
-  for (const Parameter& p : parameters(config))
-    weights.set(p.name, p.init == Init::sobol ? HostTensor{p.shape, fine_places(config)} : initial_tensor(p, seed));
-  return weights;
-}
-
-Weights initial_weights(const Config& config, std::uint64_t seed) { return weights_with_places(config, seed); }
-Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed) {
-  return weights_with_places(config, seed);
-}
-
-template <class C>
-static Weights drawn_weights(const C& config, std::uint64_t seed) {
-  check(config);
-  Weights weights;
-  for (const Parameter& p : parameters(config)) weights.set(p.name, initial_tensor(p, seed));
-  return weights;
-}
-
-Weights initial_weights(const LaraConfig& config, std::uint64_t seed) { return drawn_weights(config, seed); }
-Weights initial_weights(const GendenConfig& config, std::uint64_t seed) { return drawn_weights(config, seed); }
 Weights initial_weights(const AnyConfig& config, std::uint64_t seed) {
-  return config.visit([seed](const auto& c) { return initial_weights(c, seed); });
+  check(config);
+  Weights weights;
+  for (const Parameter& p : parameters(config)) {
+    const Config* own = p.init == Init::sobol ? config.as<Config>() : nullptr;
+    weights.set(p.name, own ? HostTensor{p.shape, fine_places(*own)} : initial_tensor(p, seed));
+  }
+  return weights;
 }
 
 std::size_t scale_places(Weights& weights, const Config& config, double factor) {

@@ -1,7 +1,6 @@
 // Initial weights, for training from scratch.
 #pragma once
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "model/networks/params/any_config.h"
@@ -12,10 +11,6 @@ namespace vsplat {
 // Draws each of parameters(config) by its `init`. A value depends only on the seed, the parameter's name and the
 // element's index, and is computed only with operations that IEEE 754 defines to the bit: a seed gives the same file
 // everywhere.
-Weights initial_weights(const Config& config, std::uint64_t seed);
-Weights initial_weights(const LaraConfig& config, std::uint64_t seed);
-Weights initial_weights(const GendenConfig& config, std::uint64_t seed);
-Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed);
 Weights initial_weights(const AnyConfig& config, std::uint64_t seed);
 
 // Rescales the fine primitives' offsets within their voxel, which are in units of the cube's edge, for another number

@@ -109,7 +109,7 @@ std::vector<std::uint16_t> halves_of(const std::string& path, const std::string&
 
 }  // namespace
 
-Weights read_weights(const SafetensorsFile& file, const Config& config, const std::string& prefix) {
+Weights read_weights(const SafetensorsFile& file, const AnyConfig& config, const std::string& prefix) {
   const std::vector<Parameter> expected = parameters(config);
   return read_values(file, expected, match_tensors(file, expected, {prefix}));
 }
@@ -133,11 +133,8 @@ ModelFile load_model(const SafetensorsFile& file) {
 
 ModelFile load_model(const std::string& path) { return load_model(SafetensorsFile(path)); }
 
-namespace {
-
-template <class Config>
-void save(const std::string& path, const Config& config, const Weights& weights,
-          const std::map<std::string, std::string>& provenance, Dtype dtype) {
+void save_model(const std::string& path, const AnyConfig& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance, Dtype dtype) {
   if (dtype != Dtype::f32 && dtype != Dtype::f16)
     fail(Status::usage, "{}: a model is written as F32 or F16, not as {}", path, name_of(dtype));
   check(config);
@@ -146,10 +143,9 @@ void save(const std::string& path, const Config& config, const Weights& weights,
     if (metadata.count(key) != 0) fail(Status::usage, "{}: an entry of the provenance cannot be called {}", path, key);
   metadata["format"] = kFormat;
   metadata["version"] = kVersion;
-  metadata["config"] = to_json(config);
-  const std::string system = SystemOf<Config>::name;
+  metadata["config"] = config.visit([](const auto& c) { return to_json(c); });
   // omitted for VS-Splat, so that its files do not change
-  if (system != VsplatSystem::name) metadata["system"] = system;
+  if (config.system() != VsplatSystem::name) metadata["system"] = config.system();
   std::vector<TensorToWrite> tensors;
   std::vector<std::vector<std::uint16_t>> halves;
   for (const Parameter& parameter : parameters(config)) {
@@ -162,28 +158,6 @@ void save(const std::string& path, const Config& config, const Weights& weights,
     tensors.push_back({parameter.name, dtype, tensor.shape, values});
   }
   write_safetensors(path, tensors, metadata, true);
-}
-
-}  // namespace
-
-void save_model(const std::string& path, const Config& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance, Dtype dtype) {
-  save(path, config, weights, provenance, dtype);
-}
-
-void save_model(const std::string& path, const LaraConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance, Dtype dtype) {
-  save(path, config, weights, provenance, dtype);
-}
-
-void save_model(const std::string& path, const GendenConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance, Dtype dtype) {
-  save(path, config, weights, provenance, dtype);
-}
-
-void save_model(const std::string& path, const VsplatGendenConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance, Dtype dtype) {
-  save(path, config, weights, provenance, dtype);
 }
 
 ModelInfo model_info(const SafetensorsFile& file) {

@@ -3,9 +3,8 @@
 #pragma once
 #include <map>
 #include <string>
-#include <vector>
 
-#include "model/networks/params/systems.h"
+#include "model/networks/params/any_config.h"
 #include "runtime/files/safetensors.h"
 
 namespace vsplat {
@@ -25,13 +24,7 @@ ModelFile load_model(const std::string& path);
 // Writes the tensors in the order of parameters(), with format, version, config, sha256 and, except for VS-Splat's,
 // system. `provenance` is free-form (data set, steps, seed, commit) and may not contain these five keys. `dtype` is f32
 // or f16; f16 rounds each value to nearest, ties to even, and a value beyond its range is an Error(input).
-void save_model(const std::string& path, const Config& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
-void save_model(const std::string& path, const LaraConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
-void save_model(const std::string& path, const GendenConfig& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
-void save_model(const std::string& path, const VsplatGendenConfig& config, const Weights& weights,
+void save_model(const std::string& path, const AnyConfig& config, const Weights& weights,
                 const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
 
 // For `weights info` and `weights verify`: the content of the header. Checks the tensors' names and shapes, but does
@@ -57,6 +50,6 @@ HashState verify_model(const SafetensorsFile& file);
 HashState verify_model(const std::string& path);
 
 // The part of load_model that golden vectors share: reads the tensors prefix + name for each of parameters().
-Weights read_weights(const SafetensorsFile& file, const Config& config, const std::string& prefix);
+Weights read_weights(const SafetensorsFile& file, const AnyConfig& config, const std::string& prefix);
 
 }  // namespace vsplat

@@ -52,15 +52,9 @@ class Lister {
   std::vector<Parameter>* out_;
 };
 
-long trained_values(const std::vector<Parameter>& all) {
-  long n = 0;
-  for (const Parameter& parameter : all)
-    if (parameter.trained) n += parameter.count();
-  return n;
-}
-
 }  // namespace
 
+// NOLINTBEGIN(bugprone-unused-raii): a layer lists its parameters when it is made
 std::vector<Parameter> parameters(const Config& config) {
   std::vector<Parameter> out;
   const LayerBuilder<Lister> build{Lister(out)};
@@ -99,10 +93,6 @@ std::vector<Parameter> parameters(const VsplatGendenConfig& config) {
   DensifyLayers<Lister>(LayerBuilder<Lister>{Lister(out)}, config.densify, config.sh_count());
   return out;
 }
-
-long parameter_count(const Config& config) { return trained_values(parameters(config)); }
-long parameter_count(const LaraConfig& config) { return trained_values(parameters(config)); }
-long parameter_count(const GendenConfig& config) { return trained_values(parameters(config)); }
-long parameter_count(const VsplatGendenConfig& config) { return trained_values(parameters(config)); }
+// NOLINTEND(bugprone-unused-raii)
 
 }  // namespace vsplat

@@ -19,10 +19,4 @@ std::vector<Parameter> parameters(const LaraConfig& config);
 std::vector<Parameter> parameters(const GendenConfig& config);
 std::vector<Parameter> parameters(const VsplatGendenConfig& config);
 
-// Number of trained values.
-long parameter_count(const Config& config);
-long parameter_count(const LaraConfig& config);
-long parameter_count(const GendenConfig& config);
-long parameter_count(const VsplatGendenConfig& config);
-
 }  // namespace vsplat

@@ -7,23 +7,14 @@
 namespace vsplat {
 namespace {
 
-class VsplatNetwork : public Network {
+class VsplatNetwork : public NetworkWith<VsplatModel, Config> {
  public:
-  VsplatNetwork(Context& ctx, const Config& config, const WeightSource& weights)
-      : config_(config), model_(ctx, config, weights) {}
-
-  const AnyConfig& config() const override { return config_; }
-
-  RenderOptions drawing() const override { return drawing_of(model_.config()); }
+  using NetworkWith::NetworkWith;
 
   Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                  const ForwardOptions& options) const override {
     ForwardResult made = model_.forward(ctx, images, upload_cameras(ctx, cameras), options);
     return {made.coarse, made.final, std::move(made.selected), model_.config().volume, made.rays};
-  }
-
-  MemoryPlan plan(const Context& ctx, long views, long selected) const override {
-    return model_.plan(ctx, views, selected);
   }
 
   Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
@@ -47,10 +38,6 @@ class VsplatNetwork : public Network {
                 const Tensor& drays) const override {
     model_.backward(ctx, value_in<VsplatModel::Trained>(trained.state), dcoarse, dfinal, {}, drays);
   }
-
- private:
-  AnyConfig config_;
-  VsplatModel model_;
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include "model/base/pose_noise.h"
 #include "model/networks/params/init.h"
+#include "model/networks/vsplat/vsplat_model.h"
 #include "model/train/trainer.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
