@@ -85,6 +85,14 @@ vsplat_status vsplat_picture_file_size(const char* path, int32_t* out_width, int
   });
 }
 
+vsplat_status vsplat_picture_file_lens(const char* path, char** out_text) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_text, "out_text");
+    *out_text = new_text(read_image_info(path).lens);
+  });
+}
+
 vsplat_status vsplat_cameras_load_picture(vsplat_cameras cameras, size_t index, const char* path, int32_t width,
                                           int32_t height, const float background[3], float* out_pixels,
                                           size_t capacity) {

@@ -244,7 +244,7 @@ class Values:
 
     PATHS = {"cameras_load": "photos", "cameras_load_with": "photos", "views_load": "photos", "views_load_with": "photos", "mesh_load": "mesh", "model_load": "model", "model_import": "checkpoint",
              "model_inspect": "model", "model_verify": "model", "scene_load": "scene", "scene_load_with": "scene", "scene_file_describe": "scene",
-             "picture_file_size": "texture", "cameras_load_picture": "texture", "cameras_get_picture_size": "texture"}
+             "picture_file_size": "texture", "picture_file_lens": "texture", "cameras_load_picture": "texture", "cameras_get_picture_size": "texture"}
     WRITERS = ("_save", "_save_as", "_save_jpeg", "_save_cameras", "_save_selection", "_save_sheet", "_write", "_report")
     NUMBERS = {"num_events": 1, "seconds": 0.0, "seconds_ago": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,
                "pictures": 1, "quality": 90, "sh_degree": 0, "side": EDGE, "use_views": 1, "view": 0, "views": 1, "capacity": ROOM,

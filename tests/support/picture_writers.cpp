@@ -153,6 +153,19 @@ std::string exif_data(int orientation, bool big_endian) {
          number(1, 4) + number(static_cast<std::uint32_t>(orientation), 2) + number(0, 2) + number(0, 4);
 }
 
+std::string lens_exif_data(const std::string& model, int focal) {
+  const std::uint32_t behind_first = 8 + 2 + 2 * 12 + 4, text = static_cast<std::uint32_t>(model.size() + 1),
+                      second = behind_first + text + text % 2, behind_second = second + 2 + 12 + 4;
+  const auto entry = [](int tag, int type, std::uint32_t count, std::uint32_t value) {
+    return little(static_cast<std::uint32_t>(tag), 2) + little(static_cast<std::uint32_t>(type), 2) + little(count, 4) +
+           little(value, 4);
+  };
+  return "II" + little(42, 2) + little(8, 4) + little(2, 2) + entry(0x110, 2, text, behind_first) +
+         entry(0x8769, 4, 1, second) + little(0, 4) + model + std::string(1 + text % 2, '\0') + little(1, 2) +
+         entry(0x920a, 5, 1, behind_second) + little(0, 4) + little(static_cast<std::uint32_t>(focal), 4) +
+         little(1, 4);
+}
+
 void add_exif_to_jpeg(const std::string& path, const std::string& exif) {
   const std::string body = std::string("Exif\0\0", 6) + exif;
   std::string file = contents_of(path), length = little(static_cast<std::uint32_t>(body.size() + 2), 2);

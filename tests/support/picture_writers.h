@@ -33,6 +33,8 @@ void write_test_bmp(const std::string& path, int width, int height, int channels
 
 // EXIF data that state an orientation and nothing else.
 std::string exif_data(int orientation, bool big_endian = false);
+// EXIF data that state a camera's model and a focal length in millimetres.
+std::string lens_exif_data(const std::string& model, int focal);
 // The JPEG file with these data, in a segment of its own.
 void add_exif_to_jpeg(const std::string& path, const std::string& exif);
 

@@ -1,11 +1,17 @@
-// Reads the orientation from a picture's EXIF data; nothing else in it is needed.
+// Reads from a picture's EXIF data how it is turned and what took it; nothing else in it is needed.
 #pragma once
 #include <cstddef>
+#include <string>
 
 namespace vsplat {
 
-// `data` begins with a TIFF header ("II" or "MM"), as in PNG's and WebP's chunks and in JPEG after "Exif\0\0". Returns
-// 1 to 8 as EXIF numbers orientations; 1 (as stored) if there is none or the data are damaged.
-int exif_orientation(const unsigned char* data, std::size_t size);
+struct ExifFacts {
+  int orientation = 1;  // 1 to 8 as EXIF numbers them; 1: as stored
+  std::string lens;     // maker, model, lens and focal lengths, separated by ", "; "" if not stated
+};
+
+// `data` begins with a TIFF header ("II" or "MM"), as in PNG's and WebP's chunks and in JPEG after "Exif\0\0". What is
+// damaged counts as not stated.
+ExifFacts read_exif(const unsigned char* data, std::size_t size);
 
 }  // namespace vsplat

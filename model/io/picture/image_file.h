@@ -24,6 +24,7 @@ struct ImageInfo {
   // Bytes that decoding holds at once besides the file and some rows: the whole picture if the format is not decoded by
   // rows.
   double held = 0;
+  std::string lens = {};  // what took it, as in ExifFacts
 };
 
 // A picture file, read completely by the constructor. It is not opened again, so info() and decode() see the same

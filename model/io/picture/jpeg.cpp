@@ -167,12 +167,12 @@ void check_header(Reader& r, const FileBytes& file) {
   check_image_size(file.path, r.jpeg.image_width, r.jpeg.image_height);
 }
 
-int orientation_of(const Reader& r) {
+ExifFacts exif_of(const Reader& r) {
   constexpr char name[] = "Exif\0";  // plus the terminating zero
   for (const jpeg_marker_struct* m = r.jpeg.marker_list; m; m = m->next)
     if (m->marker == JPEG_APP0 + 1 && m->data_length > sizeof name && std::memcmp(m->data, name, sizeof name) == 0)
-      return exif_orientation(m->data + sizeof name, m->data_length - sizeof name);
-  return 1;
+      return read_exif(m->data + sizeof name, m->data_length - sizeof name);
+  return {};
 }
 
 double blocks_of(const Reader& r) {
@@ -183,8 +183,13 @@ double blocks_of(const Reader& r) {
 }
 
 ImageInfo info_of(Reader& r) {
-  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height), false, orientation_of(r),
-          jpeg_has_multiple_scans(&r.jpeg) ? blocks_of(r) * sizeof(JBLOCK) : 0};
+  const ExifFacts exif = exif_of(r);
+  return {static_cast<int>(r.jpeg.image_width),
+          static_cast<int>(r.jpeg.image_height),
+          false,
+          exif.orientation,
+          jpeg_has_multiple_scans(&r.jpeg) ? blocks_of(r) * sizeof(JBLOCK) : 0,
+          exif.lens};
 }
 
 class JpegRows : public FileRows {

@@ -150,11 +150,12 @@ Header checked_header(const FileBytes& file, Reader& r) {
 
 ImageInfo info_of(Reader& r, const Header& h, int channels, int depth, int passes) {
   png_uint_32 size = 0;
-  png_bytep exif = nullptr;  // if it precedes the picture data
-  const bool told = png_get_eXIf_1(r.png, r.info, &size, &exif) != 0;
+  png_bytep data = nullptr;  // if it precedes the picture data
+  const bool told = png_get_eXIf_1(r.png, r.info, &size, &data) != 0;
+  const ExifFacts exif = told ? read_exif(data, size) : ExifFacts{};
   const double all = static_cast<double>(h.width) * h.height * channels * depth / 8;
   return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0,
-          told ? exif_orientation(exif, size) : 1, passes > 1 ? all : 0};
+          exif.orientation,          passes > 1 ? all : 0,       exif.lens};
 }
 
 class PngRows : public FileRows {

@@ -37,26 +37,27 @@ WebPBitstreamFeatures features_of(const FileBytes& file) {
   return out;
 }
 
-// Orientation from the EXIF chunk, which follows the picture. Error(format) if the header announces a chunk that is not
+// What the EXIF chunk states, which follows the picture. Error(format) if the header announces a chunk that is not
 // in these bytes.
-int orientation_of(const FileBytes& file) {
+ExifFacts exif_of(const FileBytes& file) {
   constexpr std::size_t extended_header = 30;  // RIFF header, VP8X chunk
   constexpr unsigned char exif_flag = 0x08;
   if (file.size < extended_header || std::memcmp(file.data + 12, "VP8X", 4) != 0 || !(file.data[20] & exif_flag))
-    return 1;
+    return {};
   const WebPData all{file.data, file.size};
   const std::unique_ptr<WebPMux, void (*)(WebPMux*)> chunks(WebPMuxCreate(&all, 0), WebPMuxDelete);
   WebPData exif;
   if (!chunks || WebPMuxGetChunk(chunks.get(), "EXIF", &exif) != WEBP_MUX_OK) damaged(file, VP8_STATUS_NOT_ENOUGH_DATA);
   // Some writers put JPEG's "Exif\0\0" before it.
   const std::size_t skipped = exif.size > 6 && std::memcmp(exif.bytes, "Exif\0\0", 6) == 0 ? 6 : 0;
-  return exif_orientation(exif.bytes + skipped, exif.size - skipped);
+  return read_exif(exif.bytes + skipped, exif.size - skipped);
 }
 
 // libwebp decodes a picture as a whole. This counts its bytes and the transformed copy that lossless files need.
-ImageInfo info_of(const WebPBitstreamFeatures& f, int orientation = 1) {
+ImageInfo info_of(const WebPBitstreamFeatures& f, const ExifFacts& exif = {}) {
   const bool alpha = f.has_alpha != 0;
-  return {f.width, f.height, alpha, orientation, static_cast<double>(f.width) * f.height * (alpha ? 8 : 7)};
+  return {f.width,  f.height, alpha, exif.orientation, static_cast<double>(f.width) * f.height * (alpha ? 8 : 7),
+          exif.lens};
 }
 
 class WebpRows : public FileRows {
@@ -93,7 +94,7 @@ bool is_webp(const FileBytes& file) {
 
 ImageInfo webp_info(const FileBytes& file) {
   const WebPBitstreamFeatures features = features_of(file);
-  return info_of(features, orientation_of(file));
+  return info_of(features, exif_of(file));
 }
 
 std::unique_ptr<FileRows> open_webp(const FileBytes& file) {

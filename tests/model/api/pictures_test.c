@@ -116,6 +116,10 @@ static void sheets(void) {
   EXPECT(VSPLAT_OK, vsplat_sheet_save(sheet, "sheet.png"));
   EXPECT(VSPLAT_OK, vsplat_picture_file_size("sheet.png", &w, &h));
   HOLD(w == 2 * 12 + 3 * 8 && h == 2 * 12 + 3 * 8);
+  char* lens = NULL;
+  EXPECT(VSPLAT_OK, vsplat_picture_file_lens("sheet.png", &lens));
+  HOLD(strcmp(lens, "") == 0);
+  vsplat_text_free(lens);
   EXPECT(VSPLAT_OK, vsplat_sheet_add_labelled(sheet, &picture, width, height, "a"));
   EXPECT(VSPLAT_OK, vsplat_sheet_add_labelled(sheet, &picture, width, height, NULL));
   EXPECT(VSPLAT_OK, vsplat_sheet_save(sheet, "sheet.png"));

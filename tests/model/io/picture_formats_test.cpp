@@ -251,6 +251,21 @@ TEST(Orientation, IsReadFromEveryFormatThatStatesIt) {
   }
 }
 
+TEST(Lens, IsWhatExifNames) {
+  const TemporaryFolder folder;
+  const auto lens = [&](const std::string& exif) {
+    write_jpeg(folder / "a.jpg", Image(w, h, 3), 90);
+    if (!exif.empty()) test::add_exif_to_jpeg(folder / "a.jpg", exif);
+    test::write_test_webp(folder / "a.webp", w, h, 3, random_samples<std::uint8_t>(3, 255), 0, exif);
+    EXPECT_EQ(read_image_info(folder / "a.webp").lens, read_image_info(folder / "a.jpg").lens);
+    return read_image_info(folder / "a.jpg").lens;
+  };
+  EXPECT_EQ(lens(""), "");
+  EXPECT_EQ(lens(test::exif_data(1)), "");
+  EXPECT_EQ(lens(test::lens_exif_data("Box 1 ", 35)), "Box 1, 35.0 mm");
+  EXPECT_EQ(lens(test::lens_exif_data("Box 1", 50)), "Box 1, 50.0 mm");
+}
+
 std::vector<std::string> picture_specimens(const TemporaryFolder& folder) {
   const auto rgb = random_samples<std::uint8_t>(3, 255), rgba = random_samples<std::uint8_t>(4, 255);
   const auto deep = random_samples<std::uint16_t>(3, 65535);

@@ -88,6 +88,11 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_find_picture(vsplat_cam
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_file_size(const char* path, int32_t* out_width,
                                                                    int32_t* out_height);
 
+/* What took a picture, by its file's EXIF data: maker, model, lens and focal lengths, separated by ", ". Pictures of
+   one size with the same text have the same intrinsics. "" if the file does not state them. Free it with
+   vsplat_text_free. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_file_lens(const char* path, char** out_text);
+
 /* The size as camera `index` saw the picture: turned by the file's EXIF orientation, if the camera's list describes
    turned pictures. Either out_ pointer may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_get_picture_size(vsplat_cameras cameras, size_t index,
