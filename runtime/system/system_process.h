@@ -20,6 +20,11 @@ namespace vsplat::sys {
 int start_program(const std::string& program, const std::vector<std::string>& arguments, const Handle& channel,
                   const std::string& hidden, std::error_code& error);
 
+// Starts a program without standard input that writes its output and errors to `log`. Returns its process number; below
+// 0 on an error.
+int start_logged_program(const std::string& program, const std::vector<std::string>& arguments, const Handle& log,
+                         std::error_code& error);
+
 enum class Wait { no, until_it_has_ended };
 struct ProgramEnd {
   enum class State {
@@ -38,6 +43,9 @@ ProgramEnd end_of(int program, Wait wait);
 void kill_program(int program);
 // Asks the program to end, as a terminal's Ctrl-C does.
 void stop_program(int program);
+// The same two for a program together with all that it has started.
+void kill_program_group(int program);
+void stop_program_group(int program);
 // Bytes that it has in memory; 0 if unknown.
 std::uint64_t memory_of(int program);
 std::string signal_name(int signal);

@@ -158,6 +158,17 @@ int start_program(const std::string& program, const std::vector<std::string>& ar
   return how.start(program, arguments, variables.data(), error);
 }
 
+int start_logged_program(const std::string& program, const std::vector<std::string>& arguments, const Handle& log,
+                         std::error_code& error) {
+  Spawning how;
+  how.nowhere(0, O_RDONLY);
+  how.give(log, 1);
+  how.give(log, 2);
+  how.nowhere(third_descriptor, O_RDWR);
+  how.nothing_else();
+  return how.start(program, arguments, environ, error);
+}
+
 ProgramEnd end_of(int program, Wait wait) {
   ProgramEnd out;
   int status = 0;
@@ -175,6 +186,10 @@ ProgramEnd end_of(int program, Wait wait) {
 void kill_program(int program) { ::kill(program, SIGKILL); }
 
 void stop_program(int program) { ::kill(program, SIGTERM); }
+
+void kill_program_group(int program) { ::kill(-program, SIGKILL); }
+
+void stop_program_group(int program) { ::kill(-program, SIGTERM); }
 
 int split_process(std::error_code& error) {
   std::signal(SIGCHLD, SIG_DFL);  // a process that ignores it never learns how one ended

@@ -361,6 +361,32 @@ TEST(SystemProgram, ThatIsMissingIsNotStarted) {
   EXPECT_EQ(error, std::errc::no_such_file_or_directory);
 }
 
+// Its output is in the log, and a stop reaches what it has started, too.
+TEST(SystemProgram, WritesALogAndStopsWithWhatItStarted) {
+  const TemporaryFolder folder;
+  std::error_code error;
+  const auto started = [&](const std::string& name, const std::string& script) {
+    const sys::Handle log = sys::create_new(folder / name, sys::Whose::everybody, error);
+    EXPECT_FALSE(error);
+    return sys::start_logged_program("/bin/sh", {"-c", script}, log, error);
+  };
+  const auto wait_for = [&](const std::string& text) {
+    bool found = false;
+    for (int i = 0; i < 200 && !found; ++i, ::usleep(50000))
+      found = text_at(folder / "second", 0, 100).find(text) != std::string::npos;
+    return found;
+  };
+  const int first = started("first", "echo out; echo error >&2; cat; exit 9");
+  EXPECT_EQ(sys::end_of(first, sys::Wait::until_it_has_ended).exit_code, 9);
+  EXPECT_EQ(text_at(folder / "first", 0, 100), "out\nerror\n");
+  const int second =
+      started("second", "(trap 'echo stopped; exit' TERM; echo runs; while :; do sleep 0.05; done) & wait");
+  EXPECT_TRUE(wait_for("runs\n"));
+  sys::stop_program_group(second);
+  EXPECT_EQ(sys::end_of(second, sys::Wait::until_it_has_ended).signal, SIGTERM);
+  EXPECT_TRUE(wait_for("stopped\n"));  // the shell may write of its own that it was terminated
+}
+
 TEST(SystemProgram, TellsWhileItIsWatched) {
   std::error_code no_pipe, error;
   const auto watched = [&](const std::string& script, double seconds) {
