@@ -120,6 +120,7 @@ void add_kernels(CLI::App& app, Run& run);
 void add_selftest(CLI::App& app, Run& run);
 void add_init(CLI::App& app, Run& run);
 void add_weights(CLI::App& app, Run& run);
+void add_poses(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
 void add_fit(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);

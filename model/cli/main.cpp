@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  vsplat devices                                   lists what vsplat can compute on\n"
       "  vsplat doctor                                    says why there is no device, and what to do\n"
+      "  vsplat poses photos/ --output posed/             finds the cameras of bare photographs, with COLMAP\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat fit photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
       "  vsplat-window scene.ply                          shows it, turned with the mouse (where SDL is installed)\n"
       "`vsplat help COMMAND` and `vsplat COMMAND --help` show all options of a command, with examples.");
   command::Run run;
+  command::add_poses(app, run);
   command::add_reconstruct(app, run);
   command::add_fit(app, run);
   command::add_render(app, run);

@@ -1,6 +1,5 @@
 // vsplat view: writes the page that shows a scene, and opens it in the user's browser.
 #include <chrono>
-#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -9,6 +8,7 @@
 
 #include "arguments.h"
 #include "command.h"
+#include "external_program.h"
 #include "runtime/system/system.h"
 #include "runtime/system/system_process.h"
 #include "scene_file.h"
@@ -26,36 +26,16 @@ struct ViewOptions {
   bool no_open = false, skip_bad = false;
 };
 
-std::string variable(const char* name) {
-  const char* value = std::getenv(name);
-  return value ? value : "";
-}
-
-// A program's path: as given if it has a slash, else in PATH; "" if it is not found.
-std::string found(const std::string& program) {
-  constexpr fs::perms may_run = fs::perms::owner_exec | fs::perms::group_exec | fs::perms::others_exec;
-  const auto is_program = [](const fs::path& path) {
-    std::error_code error;
-    const fs::file_status status = fs::status(path, error);
-    return fs::is_regular_file(status) && (status.permissions() & may_run) != fs::perms::none;
-  };
-  if (program.find('/') != std::string::npos) return is_program(program) ? program : "";
-  std::istringstream folders(variable("PATH"));
-  for (std::string folder; std::getline(folders, folder, ':');)
-    if (!folder.empty() && is_program(fs::path(folder) / program)) return (fs::path(folder) / program).string();
-  return "";
-}
-
 // $BROWSER lists commands, separated by colons, and comes first; without it the desktop's own opener, if there is one.
 std::string browser() {
-  std::istringstream named(variable("BROWSER"));
+  std::istringstream named(environment_variable("BROWSER"));
   for (std::string program; std::getline(named, program, ':');)
-    if (std::string path = found(program); !program.empty() && !path.empty()) return path;
+    if (std::string path = find_program(program); !program.empty() && !path.empty()) return path;
 #ifdef __APPLE__
-  return found("open");
+  return find_program("open");
 #else
-  if (variable("DISPLAY").empty() && variable("WAYLAND_DISPLAY").empty()) return "";
-  return found("xdg-open");
+  if (environment_variable("DISPLAY").empty() && environment_variable("WAYLAND_DISPLAY").empty()) return "";
+  return find_program("xdg-open");
 #endif
 }
 

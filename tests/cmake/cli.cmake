@@ -28,6 +28,15 @@ foreach(part bad_files import reader selftest share train train_learns tune view
   vsplat_cli_test(cli_${part}_slow ${part}_test.py --slow LABELS cli slow ${with_library})
 endforeach()
 
+# Cameras of bare photographs: with programs in place of COLMAP, and with COLMAP itself.
+foreach(part "cli_poses;StandIn" "cli_poses_colmap;Colmap")
+  list(GET part 0 name)
+  list(GET part 1 class)
+  add_test(NAME ${name} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/poses_test.py ${class})
+  set_tests_properties(${name} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+endforeach()
+
 # Several processes: with the MPI module their results, without it that each process is refused.
 if(TARGET vsplat_mpi)
   if(VSPLAT_REQUIRE_ALL_TESTS)

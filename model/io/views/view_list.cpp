@@ -79,18 +79,17 @@ std::string kind_of(const fs::path& file) {
   return "";
 }
 
-// The commands that find poses and that make masks.
-std::string how_to_get_poses(const fs::path& folder, const fs::path& pictures) {
-  const std::string set = folder.string(), from = pictures.string();
+// The command that finds the cameras of a folder of pictures, or of a video.
+std::string how_to_get_poses(const fs::path& pictures) {
+  const fs::path whole = (pictures / "").lexically_normal().parent_path();
+  const std::string name = is_there(pictures) ? pictures.stem().string() : whole.filename().string();
   return fmt::format(
-      "the camera's pose must be known for each picture. COLMAP finds the poses:\n"
-      "  colmap feature_extractor --database_path {0}/database.db --image_path {1} --ImageReader.single_camera 1\n"
-      "  colmap exhaustive_matcher --database_path {0}/database.db\n"
-      "  mkdir -p {0}/sparse && colmap mapper --database_path {0}/database.db --image_path {1} --output_path "
-      "{0}/sparse\n"
-      "Then give {0} again. Masks leave the background out: PNG files in {0}/masks, named like the pictures, white "
-      "where the object is; rembg makes them (rembg p -om {1} {0}/masks)",
-      set, from);
+      "the camera must be known for each picture. COLMAP finds the cameras:\n"
+      "  vsplat poses {0} --output {1}\n"
+      "Then give {1}. Masks leave the background out: PNG files in {1}/masks, named like the pictures, white where the "
+      "object is. Any program can make them, such as rembg:\n"
+      "  vsplat poses {0} --output {1} --mask-command 'rembg i -om'",
+      pictures.string(), name.empty() || name == "." || name == ".." ? "posed" : name + "-posed");
 }
 
 std::size_t pictures_in_folder(const fs::path& folder) {
@@ -148,7 +147,7 @@ std::string doubled_names(const fs::path& folder) {
     const fs::path pictures = inside == std::string(".") ? folder : folder / inside;
     if (const std::size_t count = pictures_in_folder(pictures); count > 0)
       fail(Status::file, "{}: {}; {}{} has {} picture{}: {}", folder.string(), no_list, doubled_names(folder),
-           pictures.string(), count, count == 1 ? "" : "s", how_to_get_poses(folder, pictures));
+           pictures.string(), count, count == 1 ? "" : "s", how_to_get_poses(folder));
   }
   std::vector<std::string> names;
   std::error_code error;
@@ -168,12 +167,10 @@ std::string doubled_names(const fs::path& folder) {
     fail(Status::format, "{}: is {}, and a list of cameras is expected: {}", text, kind,
          has_view_list(folder)
              ? fmt::format("give its folder {}, and the picture's name as {}", folder.string(), Option::views)
-             : how_to_get_poses(folder, folder));
+             : how_to_get_poses(folder));
   }
   if (kind == "a video")
-    fail(Status::format,
-         "{}: is a video: take pictures from it (mkdir images; ffmpeg -i {} -vf fps=2 images/%04d.png); {}", text, text,
-         how_to_get_poses(".", "images"));
+    fail(Status::format, "{}: is a video, and a list of cameras is expected: {}", text, how_to_get_poses(file));
   fail(Status::format,
        "{}: is {}, and a list of cameras is expected: a transforms.json, a cameras.json, a COLMAP model "
        "or the folder with one",

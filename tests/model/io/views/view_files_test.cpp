@@ -280,9 +280,9 @@ TEST_F(ViewFiles, WhatIsNoListIsNamed) {
   const auto refused = [&](const std::string& file, const std::string& bytes, const std::vector<std::string>& words) {
     expect_error(Status::format, words, [&] { read_views(folder.write(file, bytes)); });
   };
-  refused("a.jpg", "\xff\xd8\xff\xe0", {"a.jpg", "a JPEG picture", "colmap mapper", "masks"});
+  refused("a.jpg", "\xff\xd8\xff\xe0", {"a.jpg", "a JPEG picture", "vsplat poses", "masks"});
   refused("b", "\x89PNG\r\n", {"b", "a PNG picture"});
-  refused("c.mp4", std::string("\0\0\0\x18", 4) + "ftypisom", {"a video", "ffmpeg"});
+  refused("c.mp4", std::string("\0\0\0\x18", 4) + "ftypisom", {"a video", "c.mp4 --output c-posed"});
   refused("d.ply", "ply\nformat", {"a PLY file"});
   refused("e.db", "SQLite format 3", {"a database"});
   refused("f.json", "{\"views\": [], \"extrinsics\": []}", {"neither", "views", "extrinsics"});
@@ -294,8 +294,8 @@ TEST_F(ViewFiles, AFolderWithoutCamerasSaysHowToGetThem) {
   folder.touch("photos/1.jpg");
   folder.touch("photos/2.jpg");
   expect_error(Status::file,
-               {"no cameras", "2 pictures", "colmap feature_extractor", "colmap exhaustive_matcher", "colmap mapper",
-                folder.string() + "/photos", "masks", "rembg"},
+               {"no cameras", "2 pictures", "vsplat poses " + folder.string() + "/photos --output photos-posed",
+                "masks", "--mask-command"},
                [&] { read_views(folder / "photos"); });
   write_model("photos/deeper/sparse/0", {"1.png"});
   expect_error(Status::file, {"no cameras", "photos/deeper: give that folder"}, [&] { read_views(folder / "photos"); });
