@@ -16,7 +16,7 @@ DEFINITION = re.compile(r"^ {0,3}\[[^\]]+\]:\s+(\S+)", re.M)
 TAG = re.compile(r"<(?:a|img)\b[^>]*?\b(?:href|src)=\"([^\"]*)\"")
 SOURCES = {".h", ".hpp", ".c", ".cpp", ".cmake", ".txt", ".py", ".sh", ".S"}
 MADE_UP = {"VSPLAT_DATA"}  # used by the scripts in model/weights/README.md
-COMMANDS = [[], ["bench"], ["completion"], ["convert"], ["dataset", "info"], ["dataset", "procedural"], ["dataset", "render"], ["devices"], ["doctor"], ["evaluate"], ["fit"], ["help"], ["info"], ["init"], ["kernels"], ["poses"],
+COMMANDS = [[], ["bench"], ["completion"], ["convert"], ["dataset", "info"], ["dataset", "procedural"], ["dataset", "render"], ["devices"], ["doctor"], ["evaluate"], ["fit"], ["help"], ["info"], ["init"], ["kernels"], ["mesh"], ["poses"],
             ["profile", "diff"], ["reconstruct"], ["render"], ["report"], ["selftest"], ["train"], ["tune"], ["view"], ["weights", "convert"], ["weights", "import"], ["weights", "info"], ["weights", "verify"]]
 OTHERS_OPTIONS = {"--all", "--asan", "--strict"}  # of tests/run.sh
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$")

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "model/api/mesh.h"
 #include "model/data/framed_object.h"
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
@@ -13,11 +14,6 @@
 #include "model/data/solids.h"
 #include "model/data/survey.h"
 #include "runtime/fail.h"
-
-struct vsplat_mesh_impl : vsplat::api::Counted {
-  explicit vsplat_mesh_impl(vsplat::Mesh from) : mesh(std::move(from)) {}
-  const vsplat::Mesh mesh;
-};
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -79,13 +75,19 @@ void vsplat_mesh_release(vsplat_mesh mesh) { release(mesh); }
 vsplat_status vsplat_mesh_get_info(vsplat_mesh mesh, vsplat_mesh_info* out_info) {
   return guarded([&] {
     need(mesh, "mesh");
-    std::set<const Texture*> textures;
-    for (const Material& material : mesh->mesh.palette)
-      for (const Texture* texture : {material.texture.get(), material.emission_texture.get()})
-        if (texture) textures.insert(texture);
     vsplat_mesh_info info = VSPLAT_MESH_INFO_INIT;
-    info.triangles = mesh->mesh.triangles();
-    info.textures = textures.size();
+    if (const auto* textured = std::get_if<Mesh>(&mesh->mesh)) {
+      std::set<const Texture*> textures;
+      for (const Material& material : textured->palette)
+        for (const Texture* texture : {material.texture.get(), material.emission_texture.get()})
+          if (texture) textures.insert(texture);
+      info.triangles = textured->triangles();
+      info.textures = textures.size();
+    } else {
+      const auto& surface = std::get<SurfaceMesh>(mesh->mesh);
+      info.triangles = surface.triangle_count();
+      info.vertices = surface.vertex_count();
+    }
     give(out_info, info, "out_info");
   });
 }
@@ -101,7 +103,10 @@ vsplat_status vsplat_mesh_write_views(vsplat_mesh mesh, const vsplat_mesh_views_
     object.seed = o.seed;
     object.object = o.index;
     if (o.progress) object.go = [&o](double done) { return o.progress(o.user, "pictures", done) != 0; };
-    write_object(folder, mesh->mesh, object);
+    if (const auto* textured = std::get_if<Mesh>(&mesh->mesh))
+      write_object(folder, *textured, object);
+    else
+      write_object(folder, with_corners(std::get<SurfaceMesh>(mesh->mesh)), object);
   });
 }
 

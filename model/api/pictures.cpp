@@ -1,5 +1,8 @@
 // Drawn pictures into files: single ones, contact sheets, animations.
 #include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <vector>
 
 #include "model/api/handle.h"
 #include "model/io/picture/animation.h"
@@ -51,6 +54,26 @@ Image straight(const Image& colour, const Image& alpha) {
   return out;
 }
 
+// Normals of length 1 as colours of a picture: right, up and towards the camera are more red, green and blue. Black
+// where there are none.
+Image shown_normals(Image normals) {
+  for (std::size_t i = 0; i < normals.data.size(); i += 3) {
+    float* n = &normals.data[i];
+    const float length = std::hypot(n[0], n[1], n[2]);
+    for (const int c : {0, 1, 2}) n[c] = length > 0 ? 0.5f + (c == 0 ? 0.5f : -0.5f) * n[c] / length : 0;
+  }
+  return normals;
+}
+
+// The surface maps that the caller gave.
+std::vector<PictureLayer> layers_of(const vsplat_picture& p, int width, int height) {
+  std::vector<PictureLayer> out;
+  for (const auto& [name, data, channels] :
+       {std::tuple("expected", p.expected, 1), std::tuple("median", p.median, 1), std::tuple("normal", p.normal, 3)})
+    if (data) out.push_back({name, image_of(data, width, height, channels, name)});
+  return out;
+}
+
 Image colour_of(const vsplat_picture* picture, int32_t width, int32_t height) {
   return image_of(picture_of(picture, width, height).colour, width, height, 3, "picture.colour");
 }
@@ -58,8 +81,14 @@ Image colour_of(const vsplat_picture* picture, int32_t width, int32_t height) {
 void save_picture(const vsplat_picture* picture, int32_t width, int32_t height, const vsplat_picture_format& format,
                   const std::string& path) {
   const vsplat_picture p = picture_of(picture, width, height);
-  const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
   const int kind = value_of(format);
+  if (kind == VSPLAT_PICTURE_PNG_EXPECTED)
+    return write_depth_png(path, image_of(p.expected, width, height, 1, "picture.expected"));
+  if (kind == VSPLAT_PICTURE_PNG_MEDIAN)
+    return write_depth_png(path, image_of(p.median, width, height, 1, "picture.median"));
+  if (kind == VSPLAT_PICTURE_PNG_NORMAL)
+    return write_png(path, shown_normals(image_of(p.normal, width, height, 3, "picture.normal")));
+  const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
   if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
   if (kind == VSPLAT_PICTURE_JPEG) return write_jpeg(path, colour, usual_quality);
   if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW && kind != VSPLAT_PICTURE_PNG_ALPHA)
@@ -67,7 +96,7 @@ void save_picture(const vsplat_picture* picture, int32_t width, int32_t height, 
   const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
   if (kind == VSPLAT_PICTURE_PNG_ALPHA) return write_png(path, straight(colour, alpha));
   const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
-  (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
+  (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth, layers_of(p, width, height));
 }
 
 }  // namespace

@@ -56,6 +56,7 @@ VSPLAT_LONG_FIELDS(vsplat_scene_edit_options, VSPLAT_LONG_FIELD(vsplat_scene_edi
                    VSPLAT_LONG_FIELD(vsplat_scene_edit_options, up),
                    VSPLAT_LONG_FIELD(vsplat_scene_edit_options, translation))
 VSPLAT_LONG_FIELDS(vsplat_scene_file, VSPLAT_LONG_FIELD(vsplat_scene_file, version))
+VSPLAT_LONG_FIELDS(vsplat_scene_mesh_options, VSPLAT_LONG_FIELD(vsplat_scene_mesh_options, center))
 VSPLAT_LONG_FIELDS(vsplat_scene_statistics, VSPLAT_LONG_FIELD(vsplat_scene_statistics, low),
                    VSPLAT_LONG_FIELD(vsplat_scene_statistics, high), VSPLAT_LONG_FIELD(vsplat_scene_statistics, low_1),
                    VSPLAT_LONG_FIELD(vsplat_scene_statistics, high_99))

@@ -15,19 +15,8 @@ using namespace vsplat::api;
 
 namespace {
 
-constexpr double kElevations[] = {-30, 5, 40};  // degrees
-constexpr int kOnEach = 8, kEdge = 512;
-
-std::vector<Camera> cameras_about(const Scene& scene) {
-  std::vector<Camera> out;
-  for (const double elevation : kElevations) {
-    OrbitOptions options;
-    options.elevation_deg = elevation;
-    const std::vector<Camera> circle = orbit_about_scene(scene, kOnEach, kEdge, kEdge, options);
-    out.insert(out.end(), circle.begin(), circle.end());
-  }
-  return out;
-}
+constexpr Ring kSeenFrom[] = {{-30, 8}, {5, 8}, {40, 8}};
+constexpr int kSeenPixels = 512;
 
 std::vector<Camera> cameras_of(const vsplat_scene_keep_visible_options& o) {
   if (!o.cameras && o.num_cameras)
@@ -49,7 +38,7 @@ vsplat_status vsplat_scene_keep_visible(vsplat_device device, vsplat_scene scene
     const std::shared_ptr<const Scene> now = scene->now();
     std::vector<Camera> cameras = cameras_of(o);
     if (o.max_gaussians == 0 || now->gaussians.count <= o.max_gaussians) return;
-    if (cameras.empty()) cameras = cameras_about(*now);
+    if (cameras.empty()) cameras = rings_about_scene(*now, kSeenFrom, kSeenPixels, kSeenPixels);
     for (Camera& camera : cameras) camera = in_frame(*now, camera);
     const auto begin = [&](std::size_t i) {
       const double share = static_cast<double>(i) / static_cast<double>(cameras.size());

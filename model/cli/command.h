@@ -127,6 +127,7 @@ void add_render(CLI::App& app, Run& run);
 void add_view(CLI::App& app, Run& run);
 void add_scene_convert(CLI::App& app, Run& run);                                     // convert
 void add_scene_info(CLI::App& app, Run& run);                                        // info
+void add_mesh(CLI::App& app, Run& run);                                              // mesh
 void add_bench(CLI::App& app, Run& run, const std::vector<std::string>& arguments);  // as given to the program
 void add_profile(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);

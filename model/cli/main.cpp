@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
       "  vsplat fit photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
       "  vsplat view scene.ply                            shows it in the browser\n"
+      "  vsplat mesh scene.ply --output scene.glb         writes its surface as triangles\n"
       "  vsplat-window scene.ply                          shows it, turned with the mouse (where SDL is installed)\n"
       "`vsplat help COMMAND` and `vsplat COMMAND --help` show all options of a command, with examples.");
   command::Run run;
@@ -34,6 +35,7 @@ int main(int argc, char** argv) {
   command::add_view(app, run);
   command::add_scene_convert(app, run);
   command::add_scene_info(app, run);
+  command::add_mesh(app, run);
   command::add_init(app, run);
   command::add_weights(app, run);
   command::add_devices(app, run);

@@ -23,6 +23,11 @@ void add_output_options(CLI::App& app, PictureOptions& o) {
   app.add_flag("--exr-raw", o.exr_raw,
                "Write EXR with the rasteriser's own values: floats over the background, without a transfer curve, "
                "depth accumulated");
+  app.add_option(
+         "--maps", o.maps,
+         "Also write where surfaces are: mean depth, depth where half of the light is absorbed, and normals; a list. "
+         "With PNG and JPEG as 0000.median.png, ... (depths in 1/1000 world unit, 16 bits), in EXR as layers")
+      ->type_name("expected,median,normal");
   app.add_option("--sheet", o.sheet, "A contact sheet of all pictures")->type_name("FILE.png");
   app.add_option("--turntable", o.turntable, "An animation of all pictures, which loops")
       ->type_name("FILE.webp|FILE.gif");
@@ -150,6 +155,13 @@ void PictureJob::read_outputs(const PictureOptions& o) {
   need_ending("--sheet", sheet, ".png");
   read_turntable(o);
   need_ending("--write-cameras", write_cameras, ".json");
+  if (!o.maps.empty()) {
+    maps = list("--maps", o.maps);
+    for (const std::string& map : maps)
+      if (map != "expected" && map != "median" && map != "normal")
+        throw UsageError("--maps names \"" + map + "\": expected, median and normal are known");
+    if (written && images.empty()) throw UsageError("--maps applies to --images: give the folder for them");
+  }
   if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
   if (!o.format.empty() && written && images.empty())
     throw UsageError("--format applies to --images: give the folder for them");
@@ -192,15 +204,22 @@ Shots PictureJob::load_cameras() const {
 }
 
 std::string PictureJob::file(std::size_t index) const {
-  const char* ending = format == VSPLAT_PICTURE_JPEG                                      ? "jpg"
-                       : format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_EXR_RAW ? "exr"
-                                                                                          : "png";
+  const char* ending = format == VSPLAT_PICTURE_JPEG ? "jpg" : writes_exr() ? "exr" : "png";
   return (std::filesystem::path(images) / (index_text(index) + "." + ending)).string();
+}
+
+std::vector<std::string> PictureJob::map_files(std::size_t index) const {
+  std::vector<std::string> out;
+  for (const std::string& map : maps)
+    if (!writes_exr())
+      out.push_back((std::filesystem::path(images) / (index_text(index) + "." + map + ".png")).string());
+  return out;
 }
 
 void PictureJob::expect(Outputs& outputs, std::size_t count) const {
   for (std::size_t i = 0; i < count; ++i) {
     if (!images.empty()) outputs.expect(file(i));
+    for (const std::string& map : map_files(i)) outputs.expect(map);
     if (!differences.empty()) outputs.expect(Comparison::difference_file(differences, i));
   }
   for (const std::string& file : {sheet, turntable, write_cameras}) outputs.expect(file);
@@ -213,6 +232,7 @@ void PictureJob::clear_stale(Outputs& outputs, std::size_t count) const {
     for (std::size_t i = count; std::filesystem::is_regular_file(name(i), error); ++i) outputs.expect_gone(name(i));
   };
   if (!images.empty()) rest([&](std::size_t i) { return file(i); });
+  for (std::size_t m = 0; m < map_files(0).size(); ++m) rest([&](std::size_t i) { return map_files(i)[m]; });
   if (!differences.empty()) rest([&](std::size_t i) { return Comparison::difference_file(differences, i); });
 }
 
@@ -255,6 +275,18 @@ bool PictureJob::over_black() const {
   return !images.empty() && (format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_PNG_ALPHA);
 }
 
+void PictureJob::save(const vsplat::Picture& picture, std::size_t index, Outputs& outputs) const {
+  if (format == VSPLAT_PICTURE_JPEG)
+    picture.save_jpeg(outputs.begin(file(index)), quality);
+  else
+    picture.save(outputs.begin(file(index)), format);
+  const std::vector<std::string> files = map_files(index);
+  for (std::size_t i = 0; i < files.size(); ++i)
+    picture.save(outputs.begin(files[i]), maps[i] == "expected" ? VSPLAT_PICTURE_PNG_EXPECTED
+                                          : maps[i] == "median" ? VSPLAT_PICTURE_PNG_MEDIAN
+                                                                : VSPLAT_PICTURE_PNG_NORMAL);
+}
+
 void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::vector<vsplat_camera>& all,
                       std::optional<Comparison>& comparison, Outputs& outputs) const {
   if (!write_cameras.empty()) save_cameras(all, outputs);
@@ -279,12 +311,19 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
   std::vector<vsplat::Picture> pictures(all.size());  // pictures that wait for their turn
   const auto work = [&](const vsplat::Device& device, std::size_t i) {
     tell("splat", static_cast<double>(i));
-    pictures[i] = vsplat::render(device, scene, all[i], options);
+    vsplat::Picture picture(all[i].width, all[i].height);
+    for (const std::string& map : maps) {
+      std::vector<float>& plane = map == "expected" ? picture.expected
+                                  : map == "median" ? picture.median
+                                                    : picture.normal;
+      plane.resize((map == "normal" ? 3 : 1) * picture.alpha.size());
+    }
+    vsplat::render(device, scene, all[i], picture, options);
+    pictures[i] = std::move(picture);
   };
   const auto done = [&](std::size_t i) {
     vsplat::Picture picture = std::exchange(pictures[i], {});
-    if (!images.empty() && format == VSPLAT_PICTURE_JPEG) picture.save_jpeg(outputs.begin(file(i)), quality);
-    if (!images.empty() && format != VSPLAT_PICTURE_JPEG) picture.save(outputs.begin(file(i)), format);
+    if (!images.empty()) save(picture, i, outputs);
     if (over_black() && (cells || frames || comparison)) picture = over_background(picture);
     std::string label = index_text(i);
     if (comparison) {

@@ -23,7 +23,7 @@ struct PictureOptions {
   std::string images;               // the folder
   std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up, supersample;
   std::string sheet, turntable, fps, compare, differences, write_cameras;
-  std::string antialias;
+  std::string antialias, maps;
   bool exr_raw = false, exact_tiles = false, skip_bad = false;
 };
 
@@ -47,6 +47,7 @@ struct PictureJob {
   std::uint64_t supersample = 0;  // 0: chosen by the scene
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;
+  std::vector<std::string> maps;  // surface maps: expected, median, normal
   vsplat_orbit_options orbit_options = VSPLAT_ORBIT_OPTIONS_INIT;
   vsplat_animation_options animation_options = VSPLAT_ANIMATION_OPTIONS_INIT;
   std::string images, sheet, turntable, compare, differences, write_cameras;
@@ -55,6 +56,8 @@ struct PictureJob {
   Shots load_cameras() const;
   // DIR/0000.png, ...
   std::string file(std::size_t index) const;
+  // DIR/0000.median.png, ...; layers of an EXR have no files.
+  std::vector<std::string> map_files(std::size_t index) const;
   void expect(Outputs& outputs, std::size_t count) const;
   // Checks the cameras before anything is drawn, and finds the pictures to compare with.
   std::optional<Comparison> prepare(const Shots& shots, Outputs& outputs) const;
@@ -72,6 +75,8 @@ struct PictureJob {
   bool over_black() const;
   // Removes files of --images or --differences that an earlier run with more cameras left.
   void clear_stale(Outputs& outputs, std::size_t count) const;
+  bool writes_exr() const { return format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_EXR_RAW; }
+  void save(const vsplat::Picture& picture, std::size_t index, Outputs& outputs) const;
   void save_cameras(const std::vector<vsplat_camera>& all, Outputs& outputs) const;
   vsplat::Picture over_background(const vsplat::Picture& picture) const;
 };

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "model/base/image.h"
+#include "model/base/surface_mesh.h"
 #include "model/io/picture/image_file.h"
 #include "model/io/picture/image_formats.h"
 #include "runtime/fail.h"
@@ -65,6 +66,23 @@ Vector3f unit(const Vector3d& v) {
 }
 
 }  // namespace
+
+Mesh with_corners(const SurfaceMesh& surface) {
+  Mesh out;
+  out.palette.emplace_back();
+  out.materials.assign(surface.triangle_count(), 0);
+  out.corners.reserve(surface.triangles.size());
+  for (const std::uint32_t vertex : surface.triangles) {
+    const std::size_t at = 3 * static_cast<std::size_t>(vertex);
+    Corner corner;
+    corner.position = Eigen::Map<const Vector3f>(&surface.positions[at]);
+    corner.normal = Eigen::Map<const Vector3f>(&surface.normals[at]);
+    for (std::size_t c = 0; c < 3; ++c)
+      corner.colour[static_cast<Eigen::Index>(c)] = srgb_decode(surface.colours[at + c]);
+    out.corners.push_back(corner);
+  }
+  return out;
+}
 
 std::shared_ptr<const Texture> texture_of(const Image& picture) {
   ImageRows rows(picture);

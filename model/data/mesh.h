@@ -52,6 +52,10 @@ struct Mesh {
   std::size_t triangles() const { return materials.size(); }
 };
 
+// A surface with its normals and colours.
+struct SurfaceMesh;
+Mesh with_corners(const SurfaceMesh& surface);
+
 // Converts a picture (three or four channels) to a texture.
 struct Image;
 class PixelRows;

@@ -3,8 +3,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include "model/base/scene.h"
+#include "runtime/share_out.h"
 
 namespace vsplat {
 namespace {
@@ -46,7 +48,7 @@ Picks pick(Context& ctx, const GaussianChunks& scene, const Camera& camera, cons
                   if (c.planning()) return;
                   const SeenPart seen{c.read<float>(projected.records), c.read<std::uint32_t>(binned.ids),
                                       c.read<std::uint32_t>(binned.starts), c.read<std::uint32_t>(projected.ids)};
-                  for (long tile = 0; tile < part.tiles(); ++tile) {
+                  const auto pick_tile = [&](long tile) {
                     const std::uint32_t from = seen.starts[static_cast<std::size_t>(tile)],
                                         to = seen.starts[static_cast<std::size_t>(tile) + 1];
                     const int x0 = (part.x0 + static_cast<int>(tile % part.tiles_x())) * kTile,
@@ -58,7 +60,15 @@ Picks pick(Context& ctx, const GaussianChunks& scene, const Camera& camera, cons
                         pick_pixel(seen, from, to, static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f,
                                    out.median[at], out.ids[at]);
                       }
-                  }
+                  };
+                  ShareOut shared;
+                  shared.items = static_cast<std::size_t>(part.tiles() / part.tiles_x());  // rows of tiles
+                  shared.workers = std::clamp(std::thread::hardware_concurrency(), 1u, 64u);
+                  shared.ahead = shared.items;
+                  shared.work = [&](std::size_t, std::size_t row) {
+                    for (long i = 0; i < part.tiles_x(); ++i) pick_tile(static_cast<long>(row) * part.tiles_x() + i);
+                  };
+                  share_out(shared);
                 });
   return out;
 }

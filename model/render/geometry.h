@@ -13,8 +13,7 @@ struct Picks {
   std::vector<std::int32_t> ids;  // the nearest Gaussian with an alpha of at least 1/255; -1 if there is none
 };
 
-// For volumes only. The device projects and sorts. The host then blends each pixel until half of its light is absorbed:
-// less work than drawing, but on a single core.
+// For volumes only. The device projects and sorts. The host then blends each pixel until half of its light is absorbed.
 Picks pick(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
 
 // Volumes whose picture over black is (alpha + the sum of weight x normal) / 2. Each is coloured by its normal, which

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "model/base/scene.h"
 #include "model/base/statistics.h"
@@ -203,6 +204,30 @@ double distance_for(const std::vector<Ball>& balls, const Circle& circle, int wi
   return out > 0 ? out : 1;
 }
 
+// A level circle about the visible part of the scene, without a radius, and that part.
+std::pair<Circle, std::vector<Ball>> circle_about(const Scene& scene, const OrbitOptions& options) {
+  Circle circle;
+  circle.centre.setZero();
+  circle.fov = 50 * M_PI / 180;
+  circle.up = asked_up(options).value_or(up_of(scene));
+  circle.start = front_of(circle.up);
+  std::vector<Ball> balls = visible_balls(scene.gaussians);
+  if (!balls.empty()) {
+    balls = without_floaters(without_sky(std::move(balls)));
+    circle.centre = middle_of(balls, circle);
+  }
+  return {circle, std::move(balls)};
+}
+
+std::vector<Camera> cameras_about(const Scene& scene, const std::vector<Ball>& balls, Circle circle, int count,
+                                  int width, int height, const OrbitOptions& options) {
+  apply(options, circle);  // sets the elevation, on which the distance depends
+  if (!balls.empty()) circle.radius = distance_for(balls, circle, width, height);
+  apply(options, circle);
+  if (!scene.offset.isZero(0)) circle.centre += scene.offset;
+  return cameras_on(circle, count, width, height);
+}
+
 }  // namespace
 
 Eigen::Matrix4d look_at(const Vector3d& eye, const Vector3d& target, const Vector3d& up) {
@@ -300,21 +325,20 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& 
 
 std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, int height,
                                       const OrbitOptions& options) {
-  Circle circle;
-  circle.centre.setZero();
-  circle.fov = 50 * M_PI / 180;
-  circle.up = asked_up(options).value_or(up_of(scene));
-  circle.start = front_of(circle.up);
-  std::vector<Ball> balls = visible_balls(scene.gaussians);
-  if (!balls.empty()) {
-    balls = without_floaters(without_sky(std::move(balls)));
-    circle.centre = middle_of(balls, circle);
-    apply(options, circle);  // sets the elevation, on which the distance depends
-    circle.radius = distance_for(balls, circle, width, height);
+  const auto [circle, balls] = circle_about(scene, options);
+  return cameras_about(scene, balls, circle, count, width, height, options);
+}
+
+std::vector<Camera> rings_about_scene(const Scene& scene, std::span<const Ring> rings, int width, int height) {
+  const auto [circle, balls] = circle_about(scene, {});
+  std::vector<Camera> out;
+  for (const Ring& ring : rings) {
+    OrbitOptions options;
+    options.elevation_deg = ring.elevation_deg;
+    const std::vector<Camera> cameras = cameras_about(scene, balls, circle, ring.count, width, height, options);
+    out.insert(out.end(), cameras.begin(), cameras.end());
   }
-  apply(options, circle);
-  if (!scene.offset.isZero(0)) circle.centre += scene.offset;
-  return cameras_on(circle, count, width, height);
+  return out;
 }
 
 }  // namespace vsplat

@@ -46,4 +46,11 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Eigen::Vec
 std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, int height,
                                       const OrbitOptions& options = {});
 
+// Such orbits at several elevations, one after the other.
+struct Ring {
+  double elevation_deg = 0;  // -90 to 90
+  int count = 1;             // cameras
+};
+std::vector<Camera> rings_about_scene(const Scene& scene, std::span<const Ring> rings, int width, int height);
+
 }  // namespace vsplat

@@ -16,7 +16,7 @@ import support
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "hostile"))
 import rule  # noqa: E402
 
-COMMANDS = ("reconstruct", "fit", "render", "convert", "info", "init", "weights info", "weights verify", "weights convert", "weights import", "devices",
+COMMANDS = ("reconstruct", "fit", "render", "convert", "info", "mesh", "init", "weights info", "weights verify", "weights convert", "weights import", "devices",
             "doctor", "report", "kernels", "tune", "selftest", "bench", "profile diff", "dataset render", "dataset procedural", "dataset info",
             "train", "evaluate")
 # The words by which --help stands for a file or a folder.
@@ -31,7 +31,7 @@ TRAIN = ("train", "{config}", "--output", "{out}/run", *SMALL)
 EVALUATE = ("evaluate", "{object}", "--model", "{model}", *SMALL)
 BENCH = ("bench", "--seconds", "0.01", "--run", "layer_norm", *SMALL)
 PROFILED = {"render": (*RENDER, "--cameras", "orbit:1", "--images", "{out}/x"), "reconstruct": RECONSTRUCT, "fit": (*FIT, "--start", "{scene}"),
-            "train": (*TRAIN, "--data", "{set}"), "evaluate": EVALUATE, "bench": BENCH}
+            "mesh": ("mesh", "{scene}", "--voxels", "16", *SMALL, "--output", "{out}/m.ply"), "train": (*TRAIN, "--data", "{set}"), "evaluate": EVALUATE, "bench": BENCH}
 
 # (command and option, ending of the files, arguments with {bad}, kinds that are accepted)
 READ = [
@@ -54,6 +54,8 @@ READ = [
     ("render --cameras path", "", (*RENDER, "--cameras", "path:{bad}:3", "--images", "{out}/x"), ()),
     ("render --compare", "", (*RENDER, "--cameras", "{object}", "--compare", "{bad}"), ()),
     ("convert SCENE", ".ply", ("convert", "{bad}", "--surfels-to-gaussians", "0.1", "--output", "{out}/s.ply"), ()),
+    ("mesh SCENE", ".ply", ("mesh", "{bad}", "--output", "{out}/m.ply", "--voxels", "16", *SMALL), ("scene",)),
+    ("mesh --cameras", "", ("mesh", "{scene}", "--output", "{out}/m.ply", "--voxels", "16", "--cameras", "{bad}", *SMALL), ()),
     ("info SCENE", ".ply", ("info", "{bad}", *SMALL), ("scene",)),
     ("init --encoder", ".safetensors", ("init", "micro", "--seed", "1", "--encoder", "{bad}", "--output", "{out}/m.safetensors"), ("model",)),
     ("weights info MODEL", ".safetensors", ("weights", "info", "{bad}"), ("model", "weights")),
@@ -116,6 +118,7 @@ WRITTEN = [
     ("convert --output", ".ply", ("convert", "{surfels}", "--surfels-to-gaussians", "0.1", "--output", "{bad}")),
     ("init --output", ".safetensors", ("init", "micro", "--seed", "1", "--output", "{bad}")),
     ("convert --viewer", ".html", ("convert", "{scene}", "{out}/s.ply", "--viewer", "{bad}")),
+    ("mesh --output", ".glb", ("mesh", "{scene}", "--voxels", "16", *SMALL, "--output", "{bad}")),
     ("info --picture", ".png", ("info", "{scene}", "--picture", "{bad}", *SMALL)),
     ("weights convert --output", ".safetensors", ("weights", "convert", "{model}", "--dtype", "f16", "--output", "{bad}")),
     ("weights import --output", ".safetensors", ("weights", "import", "{model}", "--output", "{bad}")),

@@ -352,6 +352,34 @@ class Pictures(support.Case):
         a, b = (support.read_png(self.path(name))[2] for name in ("png.png", "exr.png"))
         self.assertLessEqual(max(abs(x - y) for x, y in zip(a, b)), 1)  # drawn over black, shown over the background
 
+    def test_surface_maps(self):
+        """A flat, opaque Gaussian that faces the camera, 2 and a half units away."""
+        names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+        head = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n" + "".join(f"property float {n}\n" for n in names) + "end_header\n"
+        row = struct.pack("<14f", 0, 0, 0, 1, 1, 1, 8, math.log(0.2), math.log(0.2), math.log(0.002), 1, 0, 0, 0)
+        pathlib.Path(self.path("wall.ply")).write_bytes(head.encode() + row)
+        w2c = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2.5], [0, 0, 0, 1]]
+        with open(self.path("c.json"), "w") as f:
+            json.dump([{"file": f"{i}.png", "w": 33, "h": 33, "fx": 60, "fy": 60, "cx": 16.5, "cy": 16.5, "w2c": w2c} for i in range(2)], f)
+        draw = ("render", self.path("wall.ply"), "--cameras", self.path("c.json"), "--maps", "expected,median,normal", "--images")
+        self.succeeds(*draw, self.path("x"))
+        self.assertEqual(len(os.listdir(self.path("x"))), 8)
+        for name in ("expected", "median"):
+            _, _, grey = support.read_png(self.path("x", f"0001.{name}.png"))
+            self.assertEqual(struct.unpack(">1089H", grey)[16 * 33 + 16], 2500)
+            self.assertEqual(struct.unpack(">1089H", grey)[0], 0)
+        _, _, normals = support.read_png(self.path("x", "0000.normal.png"))
+        self.assertEqual((tuple(normals[:3]), tuple(normals[3 * (16 * 33 + 16):][:3])), ((0, 0, 0), (128, 128, 255)))
+        self.succeeds(*draw, self.path("y"), "--format", "exr")
+        self.assertEqual(sorted(os.listdir(self.path("y"))), ["0000.exr", "0001.exr"])
+        for name in ("expected.Z", "median.Z", "normal.X", "normal.Y", "normal.Z"):
+            self.assertIn(name.encode() + b"\0", pathlib.Path(self.path("y", "0000.exr")).read_bytes())
+        # Those of an earlier run with more cameras go.
+        self.succeeds(*("orbit:1" if a == self.path("c.json") else a for a in draw), self.path("x"), "--overwrite", "--size", "16x16")
+        self.assertEqual(sorted(os.listdir(self.path("x"))), ["0000.expected.png", "0000.median.png", "0000.normal.png", "0000.png"])
+        self.refuses(2, ["--maps", "depth"], *self.render("--images", self.path("z"), "--maps", "depth"))
+        self.refuses(2, "--maps applies to --images", *self.render("--sheet", self.path("s.png"), "--maps", "median"))
+
     def test_reconstruct(self):
         out, err = self.succeeds(*self.reconstruct("--render", self.views, "--compare", self.path("views", "images"), "--sheet", self.path("s.png"),
                                                    "--turntable", self.path("t.webp"), "--json"))

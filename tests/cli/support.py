@@ -35,7 +35,7 @@ def write_png(path, width, height, rows):
 
 
 def read_png(path):
-    """Returns width, height, and the bytes of all pixels (8-bit RGB or RGBA)."""
+    """Returns width, height, and the bytes of all pixels (8-bit RGB or RGBA, or 16-bit grey: two bytes each)."""
     data = pathlib.Path(path).read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n", path
     at, packed = 8, b""
@@ -44,8 +44,7 @@ def read_png(path):
         body = data[at + 8:at + 8 + size]
         if kind == b"IHDR":
             width, height, depth, colour = struct.unpack(">IIBB", body[:10])
-            assert depth == 8 and colour in (2, 6), path
-            channels = 3 if colour == 2 else 4
+            channels = {(8, 2): 3, (8, 6): 4, (16, 0): 2}[depth, colour]
         packed += body if kind == b"IDAT" else b""
         at += 12 + size
     raw, stride, out = zlib.decompress(packed), channels * width, bytearray()

@@ -159,6 +159,13 @@ class Handles:
     def vsplat_mesh(self):
         return self.api.made("vsplat_mesh_procedural", 1, 1)
 
+    def surface(self):
+        """Makes a mesh of a scene."""
+        scene = self.made_of_values()
+        self.temporary.append(("vsplat_scene", scene))
+        return self.api.made("vsplat_mesh_from_scene", self.part("vsplat_device"), scene,
+                             c.byref(self.api.struct("vsplat_scene_mesh_options", voxels=16)))
+
     def vsplat_dataset(self):
         return self.api.made("vsplat_dataset_open", texts(self.files.set), 1)
 
@@ -271,6 +278,11 @@ class Values:
                 return self.handles["surfels"]
             if short in EDITS and p.name == "scene":  # the call changes it
                 return self.handles.made_of_values()
+            if name == "vsplat_mesh_from_scene" and p.base == "vsplat_scene":  # a random network may show no surface
+                return self.handles.made_of_values()
+            if name in ("vsplat_mesh_save", "vsplat_mesh_get_arrays"):  # only of a scene's mesh
+                self.handles.all["surface"] = self.handles.all.get("surface") or self.handles.make("surface")
+                return self.handles["surface"]
             if p.base == "vsplat_animation":  # finished once it is saved
                 return self.handles.make(p.base)
             if name == "vsplat_device_profile_get":
@@ -319,7 +331,7 @@ class Values:
         if p.name == "path":
             if short in self.PATHS:
                 return c.create_string_buffer(str(getattr(self.files, self.PATHS[short])).encode())
-            if short in ("scene_save", "scene_save_with"):  # the ending names the format
+            if short in ("mesh_save", "scene_save", "scene_save_with"):  # the ending names the format
                 return c.create_string_buffer(str(self.files.output()).encode() + b".ply")
             if short.endswith(self.WRITERS):
                 return c.create_string_buffer(str(self.files.output()).encode())
@@ -392,6 +404,14 @@ class Values:
         if p.base == "vsplat_opencl_gaussians" and p.name == "buffers":
             out = api.struct(p.base)
             api.call("vsplat_opencl_scene_buffers", handles["vsplat_device"], handles["vsplat_scene"], c.byref(out))
+            return out
+        if p.base == "vsplat_scene_mesh_options":
+            return api.struct(p.base, voxels=16)
+        if p.base == "vsplat_mesh_arrays":
+            out = api.struct(p.base, vertex_capacity=ROOM // 6, triangle_capacity=ROOM // 6)
+            positions = floats()
+            handles.alive.append(positions)
+            set_field(out, "positions", positions)
             return out
         if p.base == "vsplat_mesh_views_options":
             return api.struct(p.base, views=2, pixels=EDGE)

@@ -48,6 +48,7 @@ ZERO = {"vsplat_option_names_set": (OK,), "vsplat_set_host_memory": (OK,), "vspl
         "vsplat_get_host_memory": (OK,), "vsplat_file_rules_set": (OK,), "vsplat_model_inspect": (OK, FILE)}
 # Only called with VSPLAT_FUNCTIONS=whole, as by the slow test functions_whole: (function, trial), and why.
 DEAR = {("vsplat_mesh_write_views", "options NULL"): "by default 40 pictures of 512 x 512, eight seconds; tests/cli/dataset_test.py has them",
+        ("vsplat_mesh_from_scene", "options NULL"): "by default a volume of 256 voxels along an edge; tests/cli/mesh_test.py has it",
         ("vsplat_selftest", "options NULL"): "a whole self-test; quick ones are in tests/cli/selftest_test.py",
         ("vsplat_tune", "options NULL"): "by default it searches for 50 seconds"}
 # Run to their end only with VSPLAT_FUNCTIONS=whole; otherwise their progress function stops them.

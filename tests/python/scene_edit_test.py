@@ -58,6 +58,42 @@ class SceneEdit(unittest.TestCase):
             self.assertEqual(vsplat.describe_scene_file(f"{folder}/a.spz"),
                              {"format": "spz", "title": "SPZ", "version": "version 3", "axes": "RUB", "bytes": os.path.getsize(f"{folder}/a.spz")})
 
+    def test_a_surface_as_triangles(self):
+        """A ball of flat, opaque Gaussians of radius 0.4."""
+        r = np.random.default_rng(3)
+        n = r.normal(size=(3000, 3))
+        n /= np.linalg.norm(n, axis=1)[:, None]
+        turns = np.stack([1 + n[:, 2], -n[:, 1], n[:, 0], np.zeros(3000)], axis=1)  # from z to the normal
+        sh = (n[:, None, :] * 0.4 / 0.28209479177387814).astype(np.float32)
+        scene = vsplat.Scene.from_arrays(0.4 * n, np.tile([0.02, 0.02, 0.002], (3000, 1)), turns, np.full(3000, 0.95), sh)
+        told = []
+        mesh = self.device.mesh(scene, voxels=32, progress=lambda stage, done: told.append(stage))
+        self.assertEqual(list(dict.fromkeys(told)), ["surface", "fusion", "triangles"])
+        positions, normals, colours, triangles = mesh.arrays()
+        away = np.linalg.norm(positions, axis=1)
+        self.assertLess(np.abs(away - 0.4).mean(), 0.008)
+        self.assertGreater((normals * positions).sum(axis=1).min(), 0)
+        self.assertLess(np.abs(colours - 0.5 - positions).mean(), 0.02)
+        self.assertEqual(len(np.unique(triangles)), len(positions))
+        few = self.device.mesh(scene, [camera()], voxels=32, max_triangles=100, depth="expected").arrays()
+        self.assertTrue(50 < len(few[3]) <= 100)
+        self.assertLess(few[0][:, 2].max(), 0.1)  # only its front was seen
+        part = self.device.mesh(scene, voxels=16, center=(0.4, 0, 0), scale=0.2).arrays()[0]
+        self.assertLess(np.abs(part - [0.4, 0, 0]).max(), 0.12)
+        with tempfile.TemporaryDirectory() as folder:
+            mesh.save(f"{folder}/m.glb")
+            self.assertEqual(pathlib.Path(f"{folder}/m.glb").read_bytes()[:4], b"glTF")
+            with self.assertRaisesRegex(vsplat.UsageError, "m.obj"):
+                mesh.save(f"{folder}/m.obj")
+        with self.assertRaisesRegex(vsplat.Error, "stopped"):
+            self.device.mesh(scene, progress=lambda stage, done: False)
+        for wrong, words in (({"voxels": 15}, "voxels"), ({"least_part": 2}, "least_part"), ({"center": (0, 0, 0)}, "scale"), ({"scale": 1}, "center"),
+                             ({"cameras": []}, "num_cameras"), ({"depth": "first"}, "depth")):
+            with self.assertRaisesRegex(vsplat.UsageError, words):
+                self.device.mesh(scene, **wrong)
+        with self.assertRaisesRegex(vsplat.Error, "no surface"):
+            self.device.mesh(scene, center=(9, 9, 9), scale=1)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -21,11 +21,11 @@ one thread at a time may use a Device, a stream of one (Device.stream) and what 
 Training, evaluation, data sets, contact sheets and camera paths are only available in the C interface (vsplat/vsplat.h) and the command."""
 from ._c import Error, UsageError, devices, version
 from ._values import Camera, Gaussians, Picture, compare, psnr_cc
-from ._scenes import Input, Model, Scene, Views, describe_scene_file, scene_formats
+from ._scenes import Input, Mesh, Model, Scene, Views, describe_scene_file, scene_formats
 from ._buffers import Buffer
 from ._devices import Device, Job
 
-__all__ = ["Buffer", "Camera", "Device", "Error", "Gaussians", "Input", "Job", "Model", "Picture", "Scene", "UsageError", "Views", "compare",
+__all__ = ["Buffer", "Camera", "Device", "Error", "Gaussians", "Input", "Job", "Mesh", "Model", "Picture", "Scene", "UsageError", "Views", "compare",
            "describe_scene_file", "devices", "psnr_cc", "scene_formats", "version"]
 
 for _name in __all__:

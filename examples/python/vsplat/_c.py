@@ -241,6 +241,21 @@ class _SceneKeepVisibleOptions(_Struct):
                 ("progress", _progress), ("user", c.c_void_p)]
 
 
+class _SceneMeshOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("cameras", c.c_void_p), ("num_cameras", c.c_size_t), ("voxels", c.c_int32), ("max_triangles", c.c_uint64),
+                ("least_part", c.c_double), ("has_center", c.c_int32), ("center", c.c_double * 3), ("scale", c.c_double), ("depth", c.c_int),
+                ("progress", _progress), ("user", c.c_void_p)]
+
+
+class _MeshInfo(_Struct):
+    _fields_ = [("size", c.c_size_t), ("triangles", c.c_uint64), ("textures", c.c_uint64), ("vertices", c.c_uint64)]
+
+
+class _MeshArrays(_Struct):
+    _fields_ = [("size", c.c_size_t), ("vertex_capacity", c.c_uint64), ("triangle_capacity", c.c_uint64),
+                *((name, c.c_void_p) for name in ("positions", "normals", "colours", "triangles"))]
+
+
 class _SceneFile(_Struct):
     _fields_ = [("size", c.c_size_t), ("format", c.c_char_p), ("title", c.c_char_p), ("version", c.c_char * 32), ("axes", c.c_char * 8),
                 ("bytes", c.c_uint64)]

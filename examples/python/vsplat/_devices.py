@@ -10,12 +10,12 @@ from typing import Any, Callable, Iterable, Sequence
 import numpy as np
 
 from ._c import (UsageError, _Camera, _DeviceInfo, _DeviceOptions, _FitOptions, _FitProgress, _JobOptions, _OpenclGaussians, _OpenclHandles,
-            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _SceneKeepVisibleOptions, _bytes, _call, _choice, _info, _lib, _number,
+            _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _SceneKeepVisibleOptions, _SceneMeshOptions, _bytes, _call, _choice, _info, _lib, _number,
             _numbers, _on_end, _whole)
 from ._dlpack import _array
 from ._handles import Progress, _Handle, _Telling, _given, _jobs, _jobs_lock, _take_text
 from ._values import Camera, Gaussians, Picture, _new_picture, _picture_of
-from ._scenes import Input, Model, Scene, Views, _degree_of
+from ._scenes import Input, Mesh, Model, Scene, Views, _degree_of
 from ._buffers import Buffer, _cl, _cl_call, _cl_mem, _on_device
 
 
@@ -164,6 +164,23 @@ class Device(_Handle):
             held = (_Camera * len(cameras))(*(_given(each, Camera, "cameras")._struct() for each in cameras))
             options.cameras, options.num_cameras = c.cast(held, c.c_void_p), len(cameras)
         _call("scene_keep_visible", self, _given(scene, Scene, "scene"), c.byref(options))
+
+    def mesh(self, scene: Scene, cameras: Sequence[Camera] | None = None, voxels: int = 256, max_triangles: int = 0, least_part: float = 0.01,
+             center: Sequence[float] | None = None, scale: float = 0.0, depth: str = "median", progress: Progress | None = None) -> Mesh:
+        """The surface of the scene as triangles, seen from `cameras` (None: 48 all around it). `voxels`: along the longest edge of the box around
+        the surface, or of the cube at `center` with the edge `scale`; `max_triangles`: 0: no limit; `least_part`: connected parts with a smaller share
+        of the largest part's area are left out; `depth`: "median" or "expected"."""
+        told = _Telling(progress)
+        options = _SceneMeshOptions(voxels=voxels, max_triangles=max_triangles, least_part=least_part, scale=scale,
+                                    depth=_choice(depth, "depth", ("median", "expected")), progress=told.function)
+        if center is not None:
+            options.has_center, options.center = 1, _numbers(center, c.c_double, 3, "center")
+        if cameras is not None:
+            held = (_Camera * len(cameras))(*(_given(each, Camera, "cameras")._struct() for each in cameras))
+            options.cameras, options.num_cameras = c.cast(held, c.c_void_p), len(cameras)
+        handle = c.c_void_p()
+        told.call("mesh_from_scene", self, _given(scene, Scene, "scene"), c.byref(options), c.byref(handle))
+        return Mesh(handle)
 
     def reconstruct_async(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None, progress: Progress | None = None,
                           on_end: Callable[[Job], Any] | None = None) -> Job:

@@ -7,7 +7,7 @@ from typing import Any, Iterable, Sequence
 
 import numpy as np
 
-from ._c import (UsageError, _Camera, _Gaussians, _InputInfo, _InputOptions, _ModelInfo, _ModelOptions, _OrbitOptions, _SceneDifference,
+from ._c import (UsageError, _Camera, _Gaussians, _InputInfo, _InputOptions, _MeshArrays, _MeshInfo, _ModelInfo, _ModelOptions, _OrbitOptions, _SceneDifference,
             _SceneEditOptions, _SceneEditResult, _SceneFile, _SceneFormat, _SceneInfo, _SceneSaveOptions, _SceneStatistics, _View,
             _call, _lib, _numbers, _whole)
 from ._dlpack import _array, _ndarray, _pointer
@@ -377,6 +377,26 @@ class Scene(_Handle):
     def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
         """Cameras on a circle about the visible part of the scene."""
         return _orbit("scene", self, _OrbitOptions(count=count, width=width, height=height))
+
+
+class Mesh(_Handle):
+    """The surface of a scene as triangles with a colour at each vertex, from Device.mesh(). Belongs to no device."""
+
+    _noun = "mesh"
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Copies: positions float64 [V, 3] in the world, normals float32 [V, 3], colours float32 [V, 3], triangles uint32 [T, 3]."""
+        info = _MeshInfo()
+        _call("mesh_get_info", self, c.byref(info))
+        v, t = info.vertices, info.triangles
+        out = np.empty((v, 3)), np.empty((v, 3), np.float32), np.empty((v, 3), np.float32), np.empty((t, 3), np.uint32)
+        _call("mesh_get_arrays", self, c.byref(_MeshArrays(vertex_capacity=v, triangle_capacity=t, **{
+            name: each.ctypes.data for name, each in zip(("positions", "normals", "colours", "triangles"), out)})))
+        return out
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes .glb or .ply, by the ending."""
+        _call("mesh_save", self, _path(path))
 
 
 def _matrix(transform: Any) -> Any:

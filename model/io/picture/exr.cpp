@@ -248,7 +248,8 @@ std::unique_ptr<FileRows> open_exr(const FileBytes& file) {
   });
 }
 
-std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour) {
+std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour,
+                                      const std::vector<PictureLayer>& layers) {
   const int width = rgba.width, height = rgba.height;
   const std::size_t pixels = static_cast<std::size_t>(width) * height;
   Imf::Header header(width, height);
@@ -270,9 +271,16 @@ std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool ha
     header.channels().insert(names[c], Imf::Channel(type));
     buffer.insert(names[c], Imf::Slice(type, base + c * size, 4 * size, 4 * size * width));
   }
-  header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
-  buffer.insert("Z", Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(const_cast<float*>(z.data.data())), sizeof(float),
-                                sizeof(float) * width));
+  const auto insert = [&](const std::string& name, const Image& image, int channel) {
+    const std::size_t step = sizeof(float) * image.channels;
+    header.channels().insert(name, Imf::Channel(Imf::FLOAT));
+    buffer.insert(name, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(const_cast<float*>(image.data.data() + channel)),
+                                   step, step * width));
+  };
+  insert("Z", z, 0);
+  for (const PictureLayer& layer : layers)
+    for (int c = 0; c < layer.values.channels; ++c)
+      insert(layer.name + "." + "XYZ"[layer.values.channels == 1 ? 2 : c], layer.values, c);
   MemoryOutput stream;
   try {
     Imf::OutputFile out(stream, header, 0);

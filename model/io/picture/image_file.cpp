@@ -154,6 +154,14 @@ void write_png(const std::string& path, const Image& image) {
   write_file(path, bytes.data(), bytes.size());
 }
 
+void write_depth_png(const std::string& path, const Image& depth) {
+  constexpr float unit = 1000;
+  Image steps = depth;
+  for (float& v : steps.data) v *= unit;
+  const std::vector<unsigned char> bytes = encode_png_16(steps);
+  write_file(path, bytes.data(), bytes.size());
+}
+
 void write_jpeg(const std::string& path, const Image& image, int quality) {
   const std::vector<unsigned char> bytes = [&] {
     const HostSpan span(HostKind::host, "encode pictures", path);
@@ -162,7 +170,8 @@ void write_jpeg(const std::string& path, const Image& image, int quality) {
   write_file(path, bytes.data(), bytes.size());
 }
 
-void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth) {
+void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth,
+               const std::vector<PictureLayer>& layers) {
   check_planes("write_exr", colour, alpha, depth);
   Image rgba(colour.width, colour.height, 4), z(colour.width, colour.height, 1);
   for (std::size_t i = 0; i < z.data.size(); ++i) {
@@ -172,18 +181,19 @@ void write_exr(const std::string& path, const Image& colour, const Image& alpha,
     rgba.data[4 * i + 3] = seen ? a : 0.0f;
     z.data[i] = seen ? depth.data[i] / a : std::numeric_limits<float>::infinity();
   }
-  const std::vector<unsigned char> bytes = encode_exr(rgba, z, true);
+  const std::vector<unsigned char> bytes = encode_exr(rgba, z, true, layers);
   write_file(path, bytes.data(), bytes.size());
 }
 
-void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth) {
+void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth,
+                   const std::vector<PictureLayer>& layers) {
   check_planes("write_exr_raw", colour, alpha, depth);
   Image rgba(colour.width, colour.height, 4);
   for (std::size_t i = 0; i < alpha.data.size(); ++i) {
     for (int c = 0; c < 3; ++c) rgba.data[4 * i + c] = colour.data[3 * i + c];
     rgba.data[4 * i + 3] = alpha.data[i];
   }
-  const std::vector<unsigned char> bytes = encode_exr(rgba, depth, false);
+  const std::vector<unsigned char> bytes = encode_exr(rgba, depth, false, layers);
   write_file(path, bytes.data(), bytes.size());
 }
 

@@ -74,13 +74,24 @@ void write_png(const std::string& path, const Image& image);
 // scale. Error(usage) for another quality, Error(input) for a side beyond JPEG's 65500 pixels.
 void write_jpeg(const std::string& path, const Image& image, int quality);
 
+// A 16-bit grey PNG of thousandths of a unit, rounded; 0 for what is not above 0, and at most 65535.
+void write_depth_png(const std::string& path, const Image& depth);
+
+// A layer of an EXR: channel NAME.Z, or NAME.X, NAME.Y and NAME.Z for three.
+struct PictureLayer {
+  std::string name;
+  Image values;
+};
+
 // Inputs: `colour` [H][W][3], sRGB-encoded, accumulated over black (thus premultiplied); `alpha` and `depth` [H][W][1],
 // as accumulated. Writes half R, G, B (linear light, premultiplied) and A, and float Z = depth / alpha, +infinity where
-// alpha is 0.
-void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth);
+// alpha is 0. Layers, of the same size, are written unchanged as float.
+void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth,
+               const std::vector<PictureLayer>& layers = {});
 
 // Writes all three unchanged as float: `colour` over its background, without a transfer curve; Z not divided by alpha.
-void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth);
+void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth,
+                   const std::vector<PictureLayer>& layers = {});
 
 float srgb_encode(float linear);
 float srgb_decode(float encoded);

@@ -68,10 +68,14 @@ DecodingRoom room_to_decode(const FileBytes& file, const ImageInfo& info);
 std::vector<unsigned char> rounded(const Image& image);
 // 1, 3 or 4 channels.
 std::vector<unsigned char> encode_png(const Image& image);
+// 1 channel, 16 bits: the values rounded and clamped to 0 to 65535, NaN as 0.
+std::vector<unsigned char> encode_png_16(const Image& image);
 // 3 channels; baseline, without chroma subsampling. `path` is for messages.
 std::vector<unsigned char> encode_jpeg(const std::string& path, const Image& image, int quality);
-// Channels R, G, B, A in float or half, and float Z, by scanlines with ZIP compression. rgba [H][W][4], z [H][W][1].
-std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour);
+// Channels R, G, B, A in float or half, and float Z and layers, by scanlines with ZIP compression. rgba [H][W][4],
+// z [H][W][1].
+std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour,
+                                      const std::vector<PictureLayer>& layers);
 
 // Throws Error(format) unless 1 <= width, height <= max_image_side and width * height <= max_image_pixels.
 void check_image_size(const std::string& path, long width, long height);

@@ -1,6 +1,7 @@
 #include <png.h>
 
 #include <bit>
+#include <cmath>
 #include <csetjmp>
 #include <cstdint>
 #include <cstring>
@@ -205,17 +206,29 @@ int colour_type_of(int channels) {
 }
 
 // The caller owns `rows` and `out`, so no object here has a destructor.
-bool write_all(png_structp png, png_infop info, int width, int height, int channels, const unsigned char* rows,
-               std::vector<unsigned char>& out) {
+bool write_all(png_structp png, png_infop info, int width, int height, int channels, int bits,
+               const unsigned char* rows, std::vector<unsigned char>& out) {
   if (setjmp(png_jmpbuf(png))) return false;
   png_set_write_fn(png, &out, png_append, png_no_flush);
   png_set_user_limits(png, 0x7fffffff, 0x7fffffff);
-  png_set_IHDR(png, info, width, height, 8, colour_type_of(channels), PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-               PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(png, info, width, height, bits, colour_type_of(channels), PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_write_info(png, info);
-  for (int y = 0; y < height; ++y) png_write_row(png, rows + static_cast<std::size_t>(y) * width * channels);
+  const std::size_t row = static_cast<std::size_t>(width) * channels * bits / 8;
+  for (int y = 0; y < height; ++y) png_write_row(png, rows + static_cast<std::size_t>(y) * row);
   png_write_end(png, nullptr);
   return true;
+}
+
+std::vector<unsigned char> encoded(const Image& image, int bits, const std::vector<unsigned char>& rows) {
+  Source source{};
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &source, png_problem, png_ignore_warning);
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  std::vector<unsigned char> out;
+  const bool good = info && write_all(png, info, image.width, image.height, image.channels, bits, rows.data(), out);
+  png_destroy_write_struct(&png, &info);
+  if (!good) fail(Status::internal, "PNG encoding failed: {}", source.message);
+  return out;
 }
 
 }  // namespace
@@ -250,15 +263,21 @@ std::vector<unsigned char> encode_png(const Image& image) {
   if ((image.channels != 1 && image.channels != 3 && image.channels != 4) || image.empty())
     fail(Status::internal, "write_png takes 1, 3 or 4 channels, not {} x {} x {}", image.width, image.height,
          image.channels);
-  const std::vector<unsigned char> rows = rounded(image);
-  Source source{};
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &source, png_problem, png_ignore_warning);
-  png_infop info = png ? png_create_info_struct(png) : nullptr;
-  std::vector<unsigned char> out;
-  const bool good = info && write_all(png, info, image.width, image.height, image.channels, rows.data(), out);
-  png_destroy_write_struct(&png, &info);
-  if (!good) fail(Status::internal, "PNG encoding failed: {}", source.message);
-  return out;
+  return encoded(image, 8, rounded(image));
+}
+
+std::vector<unsigned char> encode_png_16(const Image& image) {
+  if (image.channels != 1 || image.empty())
+    fail(Status::internal, "a PNG of 16 bits takes 1 channel, not {} x {} x {}", image.width, image.height,
+         image.channels);
+  std::vector<unsigned char> rows;
+  rows.reserve(2 * image.data.size());
+  for (const float v : image.data) {
+    const auto value = static_cast<unsigned>(v > 0 ? std::lround(std::fmin(v, 65535.0f)) : 0);
+    rows.push_back(static_cast<unsigned char>(value >> 8));  // the high byte first
+    rows.push_back(static_cast<unsigned char>(value & 255));
+  }
+  return encoded(image, 16, rows);
 }
 
 }  // namespace vsplat

@@ -10,7 +10,7 @@
 extern "C" {
 #endif
 
-/* A textured triangle mesh. Belongs to no device; several threads may read it. */
+/* A triangle mesh: textured, or the surface of a scene (mesh.h). Belongs to no device; several threads may read it. */
 typedef struct vsplat_mesh_impl* vsplat_mesh;
 
 /* Loads an OBJ, PLY, STL, GLB or glTF file with its textures. Missing normals are computed. Where a texture's alpha is
@@ -52,9 +52,10 @@ typedef struct vsplat_mesh_info {
   size_t size;
   uint64_t triangles;
   uint64_t textures; /* number of texture pictures, each counted once */
+  uint64_t vertices; /* of a mesh that was made from a scene (mesh.h), else 0: other meshes share no vertices */
 } vsplat_mesh_info;
 #define VSPLAT_MESH_INFO_INIT \
-  { sizeof(vsplat_mesh_info), 0, 0 }
+  { sizeof(vsplat_mesh_info), 0, 0, 0 }
 
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_get_info(vsplat_mesh mesh, vsplat_mesh_info* out_info);
 

@@ -162,16 +162,21 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_render(vsplat_device devic
                                                              int32_t width, int32_t height, vsplat_plan* out_plan);
 
 typedef enum vsplat_picture_format {
-  VSPLAT_PICTURE_PNG = 1,      /* 8-bit RGB, rounded, over the background it was drawn on */
-  VSPLAT_PICTURE_EXR = 2,      /* half-float R, G, B, A, linear and premultiplied (draw over black); float Z = depth /
+  VSPLAT_PICTURE_PNG = 1,       /* 8-bit RGB, rounded, over the background it was drawn on */
+  VSPLAT_PICTURE_EXR = 2,       /* half-float R, G, B, A, linear and premultiplied (draw over black); float Z = depth /
                                   alpha */
-  VSPLAT_PICTURE_EXR_RAW = 3,  /* float R, G, B, A, Z, unconverted */
-  VSPLAT_PICTURE_JPEG = 4,     /* like PNG, with quality 90 */
-  VSPLAT_PICTURE_PNG_ALPHA = 5 /* 8-bit RGBA with straight alpha (draw over black) */
+  VSPLAT_PICTURE_EXR_RAW = 3,   /* float R, G, B, A, Z, unconverted */
+  VSPLAT_PICTURE_JPEG = 4,      /* like PNG, with quality 90 */
+  VSPLAT_PICTURE_PNG_ALPHA = 5, /* 8-bit RGBA with straight alpha (draw over black) */
+  VSPLAT_PICTURE_PNG_EXPECTED = 6, /* `expected` as 16-bit grey, thousandths of a world unit, at most 65535; 0: none */
+  VSPLAT_PICTURE_PNG_MEDIAN = 7,   /* `median` likewise */
+  VSPLAT_PICTURE_PNG_NORMAL = 8    /* the direction of `normal` as 8-bit RGB, 0 to 255 for -1 to 1: red to the right,
+                                      green up, blue towards the camera; black: none */
 } vsplat_picture_format;
 
 /* Writes what vsplat_render drew to a file, whole or not at all; replaces an existing file. PNG and JPEG need `colour`
-   alone, PNG_ALPHA also `alpha`, EXR all three. */
+   alone, PNG_ALPHA also `alpha`, EXR all three. EXR also gets those of `expected`, `median` and `normal` that are not
+   NULL, as float layers: expected.Z, median.Z, normal.X, normal.Y and normal.Z. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width,
                                                               int32_t height, vsplat_picture_format format,
                                                               const char* path);

@@ -35,6 +35,7 @@
 #include <vsplat/evaluate.h>
 #include <vsplat/fit.h>
 #include <vsplat/jobs.h>
+#include <vsplat/mesh.h>
 #include <vsplat/model.h>
 #include <vsplat/pictures.h>
 #include <vsplat/programs.h>

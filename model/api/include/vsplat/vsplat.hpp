@@ -474,6 +474,7 @@ inline Gradient render_backward(const Device& device, const Scene& scene, const 
 #include <vsplat/evaluate.hpp>
 #include <vsplat/fit.hpp>
 #include <vsplat/jobs.hpp>
+#include <vsplat/mesh.hpp>
 #include <vsplat/pictures.hpp>
 #include <vsplat/scene_edit.hpp>
 #include <vsplat/share.hpp>

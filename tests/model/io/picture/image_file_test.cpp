@@ -1,5 +1,7 @@
 #include "model/io/picture/image_file.h"
 
+#include <ImfFrameBuffer.h>
+#include <ImfInputFile.h>
 #include <gtest/gtest.h>
 #include <png.h>
 
@@ -342,6 +344,43 @@ TEST(ExrOut, UndoesTheCurveAndReadsBack) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.data[4 * i + c], 0.2 + 0.3 * c, 1e-3);
   }
   EXPECT_EQ(back.data[3], 0.0f);
+}
+
+TEST(ExrOut, LayersAreWrittenUnchanged) {
+  const TemporaryFolder folder;
+  const Image colour(2, 2, 3, 0.5f), one(2, 2, 1, 1.0f);
+  Image normal(2, 2, 3), median(2, 2, 1);
+  for (std::size_t i = 0; i < normal.data.size(); ++i) normal.data[i] = static_cast<float>(i) - 5;
+  for (std::size_t i = 0; i < median.data.size(); ++i) median.data[i] = 0.1f * static_cast<float>(i);
+  const std::vector<PictureLayer> layers{{"median", median}, {"normal", normal}};
+  write_exr(folder / "a.exr", colour, one, one, layers);
+  write_exr_raw(folder / "b.exr", colour, one, one, layers);
+  for (const char* name : {"a.exr", "b.exr"}) {
+    Imf::InputFile file((folder / name).c_str());
+    const auto read = [&](const char* channel) {
+      std::vector<float> out(4);
+      Imf::FrameBuffer buffer;
+      buffer.insert(channel, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(out.data()), 4, 8));
+      file.setFrameBuffer(buffer);
+      file.readPixels(0, 1);
+      return out;
+    };
+    EXPECT_EQ(read("median.Z"), median.data);
+    EXPECT_EQ(read("normal.X"), (std::vector<float>{-5, -2, 1, 4}));
+    EXPECT_EQ(read("normal.Z"), (std::vector<float>{-3, 0, 3, 6}));
+    EXPECT_EQ(read("Z"), one.data);
+    EXPECT_EQ(read_image(folder / name).width, 2);  // layers do not hide the picture
+  }
+}
+
+TEST(DepthPng, HoldsThousandthsOfAUnit) {
+  const TemporaryFolder folder;
+  Image depth(5, 1, 1);
+  depth.data = {0, 1.2344f, 65.535f, 1000, -1};
+  write_depth_png(folder / "a.png", depth);
+  const Image back = read_image(folder / "a.png");  // 16 bits
+  const std::vector<float> wanted{0, 1234, 65535, 65535, 0};
+  for (int i = 0; i < 5; ++i) EXPECT_NEAR(back.at(i, 0)[0] * 65535, wanted[static_cast<std::size_t>(i)], 0.01);
 }
 
 TEST(Curve, IsUndoneByItsInverse) {
