@@ -66,12 +66,6 @@ vsplat::Scene merged(const ConvertOptions& o) {
   return std::move(*out);
 }
 
-vsplat::Scene copy_of(const vsplat::Scene& scene) {
-  vsplat::Scene out = vsplat::Scene::create(vsplat::ConstGaussianSpans{}, 0);
-  out.append(scene);
-  return out;
-}
-
 void keep_visible(Session& session, vsplat::Scene& scene, uint64_t most) {
   vsplat_scene_keep_visible_options options = VSPLAT_SCENE_KEEP_VISIBLE_OPTIONS_INIT;
   options.max_gaussians = most;

@@ -44,6 +44,12 @@ vsplat::Scene load_scene(const std::string& path, bool skip_bad) {
   return vsplat::Scene::load(path, options);
 }
 
+vsplat::Scene copy_of(const vsplat::Scene& scene) {
+  vsplat::Scene out = vsplat::Scene::create(vsplat::ConstGaussianSpans{}, 0);
+  out.append(scene);
+  return out;
+}
+
 std::vector<std::string> tell_losses(const Common& common, const std::string& path, const vsplat::Scene& scene,
                                      const std::string& format) {
   std::vector<std::string> out;

@@ -15,6 +15,8 @@ namespace command {
 void need_scene_ending(const std::string& option, const std::string& path, bool or_page = false);
 // With `skip_bad`, Gaussians that cannot be drawn are left out and counted.
 vsplat::Scene load_scene(const std::string& path, bool skip_bad);
+// A scene that changes of the other one leave as it is.
+vsplat::Scene copy_of(const vsplat::Scene& scene);
 // Says what a file of this format, called `path`, loses of the scene, and returns the sentences.
 std::vector<std::string> tell_losses(const Common& common, const std::string& path, const vsplat::Scene& scene,
                                      const std::string& format);

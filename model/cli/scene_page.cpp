@@ -3,7 +3,8 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <cctype>
+#include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -21,6 +22,9 @@ const vsplat::EmbeddedFile* vsplat_viewer(std::size_t* count);
 
 namespace command {
 namespace {
+
+// Times the median distance from a scene's middle.
+constexpr float most_distant = 4096;
 
 std::string embedded(std::string_view name) {
   std::size_t count = 0;
@@ -101,12 +105,49 @@ nlohmann::ordered_json about(const ScenePage& page) {
   return out;
 }
 
+float median(std::vector<float> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The scene without the Gaussians that are thousands of times as far from its middle as most: all positions of an SPZ
+// file share one step, so that a few far ones would make that of the others coarse, or would not fit at all.
+vsplat::Scene without_distant(const PageScene& page_scene, const std::string& path) {
+  const vsplat::Scene& scene = page_scene.scene;
+  const std::size_t count = scene.info().count;
+  if (count == 0) return scene;
+  std::vector<float> means(3 * count);
+  vsplat::GaussianSpans wanted;
+  wanted.means = means;
+  scene.read(wanted);
+  std::vector<float> distances(count);
+  for (std::size_t c = 0; c < 3; ++c) {
+    std::vector<float> values(count);
+    for (std::size_t k = 0; k < count; ++k) values[k] = means[3 * k + c];
+    const float middle = median(values);
+    for (std::size_t k = 0; k < count; ++k) distances[k] = std::hypot(distances[k], values[k] - middle);
+  }
+  const float limit = most_distant * median(distances);
+  if (!(limit > 0)) return scene;
+  std::vector<std::uint8_t> distant(count);
+  for (std::size_t k = 0; k < count; ++k) distant[k] = distances[k] > limit;
+  const auto left_out = std::count(distant.begin(), distant.end(), 1);
+  if (left_out == 0) return scene;
+  vsplat::Scene out = copy_of(scene);
+  out.remove(distant);
+  warn(path + ": leaves out " + std::to_string(left_out) + " of " + std::to_string(count) +
+       " Gaussians, which are more than " + std::to_string(static_cast<int>(most_distant)) +
+       " times as far from the middle as most: the page holds positions in 24 bits");
+  return out;
+}
+
 std::vector<unsigned char> spz_of(const PageScene& scene, const std::string& path) {
   vsplat_scene_save_options format = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
   format.format = "spz";
   format.spz_version = page_spz_version;
   try {
-    return scene.scene.save_memory(format);
+    return without_distant(scene, path).save_memory(format);
   } catch (const vsplat::Error& e) {
     std::string why = e.what();
     if (const std::string in_memory = "the scene: "; why.starts_with(in_memory)) why.erase(0, in_memory.size());

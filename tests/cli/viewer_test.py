@@ -106,6 +106,18 @@ class Pages(support.Case):
         self.refuses(1, [far, "without Gaussians"], "view", far, "--no-open", "--output", page)
         self.assertFalse(os.path.exists(page))
 
+    def test_distant_gaussians_are_left_out(self):
+        """They would make the steps of all positions coarse."""
+        far, page = self.path("far.ply"), self.path("s.html")
+        support.write_scene(far, RED_AND_BLUE + [((0, y, 0), (0, 1, 0), 0.1, 0.9) for y in (2e7, 1e5)])
+        for command in (["view", far, "--no-open", "--output", page], ["render", far, "--cameras", "orbit:1", "--size", "8x8", "--images", self.path("drawn"), "--viewer", page]):
+            _, err = self.succeeds(*command, "--overwrite")
+            self.assertIn(f"{page}: leaves out 2 of 5 Gaussians", err)
+            near = self.path("near.spz")
+            pathlib.Path(near).write_bytes(base64.b64decode(element(page, "scene-0")))
+            self.assertEqual(json.loads(self.succeeds("info", near, "--json")[0])["gaussians"], 3)
+        self.succeeds("view", self.scene, "--no-open", "--output", page, "--overwrite")
+
     def test_names_cannot_become_code(self):
         name = "</script><script>alert(1)</script><b>"
         scene = self.path(name.replace("/", "") + ".ply")

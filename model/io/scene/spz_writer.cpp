@@ -112,8 +112,10 @@ void write_spz(const std::string& path, const Scene& scene, int version) {
   if (g.count > INT32_MAX) fail(Status::input, "{}: {} Gaussians: SPZ holds {}", path, g.count, INT32_MAX);
   const double most = farthest(g);
   if (most > kFixedRange - 1)
-    fail(Status::input, "{}: a position has {} in it: SPZ holds numbers below {}; move or scale the scene", path, most,
-         kFixedRange);
+    fail(Status::input,
+         "{}: a position has {} in it: SPZ holds numbers below {}; move or scale the scene, or remove what is that far "
+         "away",
+         path, most, kFixedRange);
   OutputFile file(path);
   SpzContainer spz = packed(g, version, bits_for(most));
   spz.antialias = scene.antialias;
