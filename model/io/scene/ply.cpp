@@ -33,6 +33,10 @@ struct Layout {
   int degree = 0;
 
   std::size_t sh_count() const { return static_cast<std::size_t>(degree + 1) * (degree + 1); }
+  // An opacity in 8 or 16 bits is no logit.
+  bool has_opacity_share() const {
+    return opacity && (columns[*opacity]->type == PlyType::u8 || columns[*opacity]->type == PlyType::u16);
+  }
 };
 
 // Appends the properties with these names. Returns their first column, or nothing if the file has none of them; a
@@ -93,9 +97,33 @@ Layout find_columns(const std::string& path, const PlyElement& vertex) {
   return out;
 }
 
+// Warns of groups that the file lacks, and names the properties that are not read: they may hold them by other names.
+void look_at_absent(const std::string& path, const PlyElement& vertex, const Layout& layout) {
+  std::vector<std::string> absent;
+  if (!layout.opacity) absent.emplace_back("without opacity, each Gaussian is half opaque");
+  if (!layout.scales)
+    absent.emplace_back("without scale_*, each is a ball with a standard deviation of 0.018");
+  else if (!layout.quats && !layout.is_round)
+    absent.emplace_back("without rot_*, none is turned");
+  if (absent.empty()) return;
+  std::vector<std::string> others;
+  for (const PlyProperty& p : vertex.properties) {
+    const bool is_known = p.name == "nx" || p.name == "ny" || p.name == "nz" ||
+                          std::find(layout.columns.begin(), layout.columns.end(), &p) != layout.columns.end();
+    if (!is_known) others.push_back(p.name);
+  }
+  constexpr std::size_t shown = 8;
+  std::string unread;
+  if (!others.empty())
+    unread =
+        fmt::format("; not read: {}", fmt::join(others.begin(), others.begin() + std::min(others.size(), shown), ", "));
+  if (others.size() > shown) unread += fmt::format(" and {} more", others.size() - shown);
+  warn("{}: {}{}", path, fmt::join(absent, ", "), unread);
+}
+
 double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 
-// The value that stands for 1, by the colour's type.
+// The value that stands for 1 in colours of this type.
 double colour_range(PlyType type) {
   switch (type) {
     case PlyType::u8:
@@ -140,9 +168,11 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
     out.sh[i - 3] = static_cast<float>(sh);
   }
 
-  const float logit = layout.opacity ? values[*layout.opacity] : 0;
-  if (std::isnan(logit)) return {GaussianDefect::not_finite, *layout.opacity};
-  out.opacity = static_cast<float>(sigmoid(static_cast<double>(logit)));
+  const float opacity = layout.opacity ? values[*layout.opacity] : 0;
+  if (std::isnan(opacity)) return {GaussianDefect::not_finite, *layout.opacity};
+  out.opacity = static_cast<float>(layout.has_opacity_share() ? static_cast<double>(opacity) /
+                                                                    colour_range(layout.columns[*layout.opacity]->type)
+                                                              : sigmoid(static_cast<double>(opacity)));
 
   std::fill_n(out.scale, 3, std::exp(-4.0f));
   if (layout.scales) {
@@ -255,7 +285,7 @@ void look_at_colours(const std::string& path, const Layout& layout, Gaussians& g
 void look_at_activated(const std::string& path, const Layout& layout, const Gaussians& g) {
   constexpr std::size_t least = 10;  // fewer are not conclusive
   if (g.count < least) return;
-  if (layout.opacity) {
+  if (layout.opacity && !layout.has_opacity_share()) {
     const auto [low, high] = std::minmax_element(g.opacities.begin(), g.opacities.end());
     // sigmoid(0) to sigmoid(1)
     if (*low >= 0.5f && *high <= 0.7311f && *high - *low > 0.01f)
@@ -289,6 +319,7 @@ Scene read_any_ply(PlyFile& in, SkippedGaussians* skipped) {
   if (vertex == header.elements.end()) fail(Status::format, "{}: no element vertex: no 3DGS file", path);
   if (is_compressed_ply(header)) return read_compressed_ply(in, header, skipped);
   const Layout layout = find_columns(path, *vertex);
+  look_at_absent(path, *vertex, layout);
   const std::unique_ptr<PlyRows> rows = PlyRows::open(in, header, *vertex, layout.columns);
   Scene scene;
   read_comments(path, header, layout.kind, scene);

@@ -184,5 +184,44 @@ TEST_F(PlyKinds, ActivatedValuesAreToldOf) {
   EXPECT_EQ(warnings_.text(), "");
 }
 
+TEST_F(PlyKinds, PropertiesOfOtherNamesAreToldOf) {
+  const auto warning = [&](std::vector<std::string> names) {
+    warnings_.all.clear();
+    Rows rows = gaussians(3);
+    for (auto& row : rows) row.resize(names.size());
+    read(ascii(names, rows));
+    return warnings_.text();
+  };
+  EXPECT_EQ(warning(gaussian_names), "");
+  std::vector<std::string> others = gaussian_names;
+  others[6] = "alpha";
+  for (std::size_t i = 0; i < 3; ++i) others[7 + i] = fmt::format("scaling_{}", i);
+  for (std::size_t i = 0; i < 4; ++i) others[10 + i] = fmt::format("rotation_{}", i);
+  const std::string all = warning(others);
+  EXPECT_NE(all.find("without opacity"), std::string::npos) << all;
+  EXPECT_NE(all.find("without scale_*"), std::string::npos) << all;
+  EXPECT_NE(
+      all.find("not read: alpha, scaling_0, scaling_1, scaling_2, rotation_0, rotation_1, rotation_2, rotation_3"),
+      std::string::npos)
+      << all;
+  others = gaussian_names;
+  others[10] = "qw", others[11] = "qx", others[12] = "qy", others[13] = "qz";
+  EXPECT_NE(warning(others).find("without rot_*, none is turned; not read: qw, qx, qy, qz"), std::string::npos);
+  others.assign(gaussian_names.begin(), gaussian_names.begin() + 8);  // one scale for all axes
+  EXPECT_EQ(warning(others), "");
+}
+
+TEST_F(PlyKinds, OpacityOfWholeNumbersIsItself) {
+  for (const auto& [type, most] : {std::pair{"uchar", 255}, {"ushort", 65535}}) {
+    std::string text = ascii(gaussian_names, {{0, 0, 0, 0, 0, 0, static_cast<double>(most), -3, -3, -3, 1, 0, 0, 0},
+                                              {0, 0, 0, 0, 0, 0, 51.0 * most / 255, -3, -3, -3, 1, 0, 0, 0}});
+    text.replace(text.find("float opacity"), 5, type);
+    const Gaussians g = read(text);
+    EXPECT_FLOAT_EQ(g.opacities[0], 1) << type;
+    EXPECT_FLOAT_EQ(g.opacities[1], 0.2f) << type;
+    EXPECT_EQ(warnings_.text(), "");
+  }
+}
+
 }  // namespace
 }  // namespace vsplat
