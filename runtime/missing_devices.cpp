@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
 #include <vector>
 
 #include "runtime/files/cache_folders.h"
@@ -10,6 +11,8 @@
 
 namespace vsplat {
 namespace {
+
+constexpr const char* pocl = "Portable Computing Language";
 
 struct Driver {
   std::string name;
@@ -37,7 +40,7 @@ std::vector<Driver> drivers() {
 
 std::string unusable(const std::vector<Driver>& drivers) {
   for (const Driver& driver : drivers) {
-    if (driver.devices || driver.name != "Portable Computing Language" || is_writable(pocl_cache().path)) continue;
+    if (driver.devices || driver.name != pocl || is_writable(pocl_cache().path)) continue;
     return fmt::format(
         "the driver {} (PoCL) is there, but gives no device: it keeps compiled kernels in {}, which cannot be written. "
         "Set POCL_CACHE_DIR to a folder that can be, or XDG_CACHE_HOME or HOME to one above it",
@@ -56,6 +59,10 @@ std::string why_no_device() {
   if (const std::string reason = unusable(found); !reason.empty()) return reason;
   std::string names;
   for (const Driver& driver : found) names += (names.empty() ? "" : ", ") + driver.name;
+  for (const char* name : {"POCL_DEVICES", "POCL_BUILDING"})
+    if (const char* value = std::getenv(name); value && names.find(pocl) != std::string::npos)
+      return fmt::format("no driver has one, of those that there are: {}; {} is \"{}\": try again with `unset {}`",
+                         names, name, printable(value), name);
   return fmt::format(
       "no driver has one, of those that there are: {}. For a CPU install the Debian package pocl-opencl-icd, for a GPU "
       "its vendor's driver, and see that this user may open the device's files",

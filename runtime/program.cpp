@@ -13,6 +13,7 @@
 #include "runtime/fail.h"
 #include "runtime/files/pocl_files.h"
 #include "runtime/log.h"
+#include "runtime/printable.h"
 #include "runtime/system/environment.h"
 
 namespace vsplat {
@@ -162,6 +163,7 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
     if (on_compile_) on_compile_(file, compiled_);
     ++compiled_;
   }
+  if (info_.is_pocl && !known) need_space_for_pocl();
   // PoCL's compiler (LLVM's signal handlers) removes the files that it is writing when a signal arrives, whatever the
   // program does with the signal. A build that fails for any other reason fails again.
   for (int left = info_.is_pocl ? 2 : 0;; --left) {
@@ -171,8 +173,10 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
       break;
     } catch (const cl::Error& e) {
       if (left > 0) continue;
-      fail(Status::compile, "cl/{}.cl does not compile on {} with {}: {}\n{}", file, info_.name, options,
-           cl_error_name(e.err()), build_log(program, device_));
+      const std::string more = info_.is_pocl ? environment("POCL_EXTRA_BUILD_FLAGS") : "";
+      fail(Status::compile, "cl/{}.cl does not compile on {} with {}{}: {}\n{}", file, info_.name, options,
+           more.empty() ? "" : " and POCL_EXTRA_BUILD_FLAGS=" + printable(more), cl_error_name(e.err()),
+           build_log(program, device_));
     }
   }
   save_to_disk(key, program);

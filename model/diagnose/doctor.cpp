@@ -35,6 +35,7 @@ std::vector<Cache> caches_of(const Looked& looked) {
 }  // namespace
 
 Diagnosis diagnose(double seconds) {
+  unset_empty_variables();
   Diagnosis out;
   Looked& looked = out.looked;
   looked.seconds = seconds;

@@ -25,12 +25,22 @@ CacheFolder pocl_cache() {
   return {"/tmp/pocl/kcache", ""};
 }
 
-bool is_writable(const std::string& path) {
-  fs::path folder = path;
+namespace {
+
+// The folder, or the nearest one above that exists.
+fs::path nearest(fs::path folder) {
   std::error_code error;
   while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path())
     folder = folder.parent_path();
-  return !sys::try_new_file_in(folder);
+  return folder;
 }
+
+}  // namespace
+
+std::error_code try_writing(const std::string& folder, std::size_t bytes) {
+  return sys::try_new_file_in(nearest(folder), bytes);
+}
+
+bool is_writable(const std::string& folder) { return !try_writing(folder); }
 
 }  // namespace vsplat

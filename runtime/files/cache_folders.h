@@ -1,6 +1,8 @@
 // The cache folders for compiled kernels, and whether they can be written.
 #pragma once
+#include <cstddef>
 #include <string>
+#include <system_error>
 
 namespace vsplat {
 
@@ -13,7 +15,9 @@ CacheFolder own_cache();
 // PoCL's cache folder. PoCL offers no device if it cannot create that folder.
 CacheFolder pocl_cache();
 
-// Whether a file can be created in the folder or, if it does not exist, in the nearest existing one above.
+// Whether a file of so many bytes can be created in the folder or, if it does not exist, in the nearest existing one
+// above.
+std::error_code try_writing(const std::string& folder, std::size_t bytes = 0);
 bool is_writable(const std::string& folder);
 
 }  // namespace vsplat

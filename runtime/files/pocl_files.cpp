@@ -161,4 +161,14 @@ void mend_pocl_files() {
   });
 }
 
+void need_space_for_pocl() {
+  constexpr std::size_t most = std::size_t{4} << 20;  // bytes of a kernel and of what its compiler writes meanwhile
+  const std::string folder = pocl_cache().path;
+  if (const std::error_code problem = try_writing(folder, most))
+    fail(Status::file,
+         "{}: {}, and the driver PoCL keeps compiled kernels there, in files of up to {} MiB. Free some space, or set "
+         "POCL_CACHE_DIR to a folder that has it",
+         folder, problem.message(), most >> 20);
+}
+
 }  // namespace vsplat

@@ -9,6 +9,7 @@
 #include "runtime/fail.h"
 #include "runtime/printable.h"
 #include "runtime/system/environment.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 namespace {
@@ -33,11 +34,17 @@ std::vector<VariableProblem> environment_problems() {
   };
   const auto value = [](const char* name) { return environment(name); };
   for (const Words& words : {Words{"VSPLAT_ARENA", {"guard"}}, Words{"VSPLAT_CHECK", {"nan"}},
-                             Words{"VSPLAT_KERNELS", {"auto", "cpu", "gpu"}}, Words{"VSPLAT_SELFTEST", {"ignore"}}}) {
+                             Words{"VSPLAT_KERNELS", {"auto", "cpu", "gpu"}}, Words{"VSPLAT_SELFTEST", {"ignore"}},
+                             Words{"POCL_WORK_GROUP_METHOD",
+                                   {"auto", "cbs", "loops", "loopvec", "repl", "workitemloops", "workitemrepl"}}}) {
     const std::string found = value(words.name);
     if (!found.empty() && std::find(words.allowed.begin(), words.allowed.end(), found) == words.allowed.end())
       refuse(words.name, fmt::format("{}", fmt::join(words.allowed, ", ")));
   }
+  // PoCL ends the process if it does not understand a variable of its own, or goes on without it.
+  for (const char* name : {"POCL_CPU_LOCAL_MEM_SIZE", "POCL_CPU_MAX_CU_COUNT", "POCL_MAX_COMPUTE_UNITS",
+                           "POCL_MAX_PTHREAD_COUNT", "POCL_MAX_WORK_GROUP_SIZE", "POCL_MEMORY_LIMIT"})
+    if (const std::string found = value(name); !found.empty() && !is_number(found)) refuse(name, "a whole number");
   for (const char* name :
        {"VSPLAT_MATRIX_LEAST", "OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS"})
     if (const std::string found = value(name); !found.empty() && !is_number(found)) refuse(name, "a whole number");
@@ -53,7 +60,10 @@ std::vector<VariableProblem> environment_problems() {
   return out;
 }
 
+void unset_empty_variables() { sys::unset_if_empty("POCL_CACHE_DIR"); }
+
 void check_environment() {
+  unset_empty_variables();
   for (const VariableProblem& problem : environment_problems())
     fail(Status::usage, "{}: {}", problem.found, problem.mend);
 }

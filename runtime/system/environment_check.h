@@ -14,7 +14,10 @@ struct VariableProblem {
 // Checks the variables that this library reads. Values that need a device (VSPLAT_DEVICE), and files, are checked where
 // they are used.
 std::vector<VariableProblem> environment_problems();
-// Error(usage) with the first problem.
+// Unsets an empty POCL_CACHE_DIR, which would end the process in PoCL. vsplat's own variables count as unset, too, if
+// they are empty.
+void unset_empty_variables();
+// Unsets empty variables. Error(usage) with the first problem.
 void check_environment();
 
 }  // namespace vsplat

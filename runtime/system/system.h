@@ -76,8 +76,8 @@ void remove_folder(const std::filesystem::path& path);
 // no locks. The lock is held until the handle is closed or the process ends.
 bool lock(const Handle& folder);
 
-// Whether a file can be created in the folder, tested by creating one and removing it at once.
-std::error_code try_new_file_in(const std::filesystem::path& folder);
+// Whether a file of so many bytes can be created in the folder, tested by creating one and removing it at once.
+std::error_code try_new_file_in(const std::filesystem::path& folder, std::size_t bytes = 0);
 // Whether a device file can be opened for reading and writing; and the group that it belongs to.
 std::error_code try_device(const std::filesystem::path& file);
 std::string group_of(const std::filesystem::path& file);
@@ -90,6 +90,8 @@ bool error_output_is_terminal();
 std::filesystem::path program_path(std::error_code& error);
 // Sets an environment variable unless it is set already.
 void set_variable(const char* name, const char* value);
+// Unsets an environment variable that is set to an empty text.
+void unset_if_empty(const char* name);
 
 // Calls `handler`, on a thread of its own, with the number of the first signal that asks this program to end; the
 // second signal ends it. A hang-up that the parent had set to be ignored (nohup) stays ignored. A broken pipe raises no

@@ -147,16 +147,20 @@ void remove_folder(const fs::path& path) { ::rmdir(path.c_str()); }
 
 bool lock(const Handle& folder) { return ::flock(folder.number(), LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK; }
 
-std::error_code try_new_file_in(const fs::path& folder) {
+std::error_code try_new_file_in(const fs::path& folder, std::size_t bytes) {
   // For root, access() grants what the file system refuses. So this creates a file, without a name if possible, since
   // the process may be killed at any moment.
   std::error_code error;
-  if (opened(folder, O_TMPFILE | O_WRONLY, error, 0600).good()) return {};
-  std::string probe = (folder / ".vsplat-XXXXXX").string();
-  const Handle file(::mkstemp(probe.data()));
-  if (!file.good()) return last_error();
-  ::unlink(probe.c_str());
-  return {};
+  Handle file = opened(folder, O_TMPFILE | O_WRONLY, error, 0600);
+  if (!file.good()) {
+    std::string probe = (folder / ".vsplat-XXXXXX").string();
+    file = Handle(::mkstemp(probe.data()));
+    if (!file.good()) return last_error();
+    ::unlink(probe.c_str());
+  }
+  if (bytes == 0) return {};
+  const int problem = ::posix_fallocate(file.number(), 0, static_cast<off_t>(bytes));
+  return {problem, std::generic_category()};
 }
 
 std::error_code try_device(const fs::path& file) {
@@ -182,6 +186,10 @@ bool error_output_is_terminal() { return ::isatty(STDERR_FILENO) != 0; }
 fs::path program_path(std::error_code& error) { return fs::read_symlink("/proc/self/exe", error); }
 
 void set_variable(const char* name, const char* value) { ::setenv(name, value, 0); }
+
+void unset_if_empty(const char* name) {
+  if (const char* value = std::getenv(name); value && !*value) ::unsetenv(name);
+}
 
 namespace {
 

@@ -152,6 +152,33 @@ class Pocl(support.Case):
         self.assertIn(process.returncode, (-signal.SIGTERM, 128 + signal.SIGTERM))  # the first may have been enough
 
 
+    def test_no_space_for_kernels(self):
+        """Told as what it is, before PoCL calls it a failed compilation."""
+        self.env["POCL_CACHE_DIR"] = self.path("narrow", "kernels")
+        os.mkdir(self.path("narrow"))
+        limit = ("sh", "-c", "ulimit -f 100; exec \"$@\"", "sh", support.VSPLAT, *self.draws())
+        done = subprocess.run(limit, capture_output=True, text=True, env={**os.environ, **self.env}, check=False)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn(self.path("narrow", "kernels") + ": File too large", done.stderr)
+        self.assertIn("set POCL_CACHE_DIR", done.stderr)
+
+    def test_flags_that_do_not_compile_are_named(self):
+        code, _, err = support.run(*self.draws(), env={**self.env, "POCL_EXTRA_BUILD_FLAGS": "-no-such-flag"})
+        self.assertEqual(code, 1, err)
+        self.assertIn("and POCL_EXTRA_BUILD_FLAGS=-no-such-flag", err)
+
+    def test_no_devices_by_a_variable(self):
+        code, _, err = support.run(*self.draws(), env={**self.env, "POCL_DEVICES": "none\u202e"})
+        self.assertEqual(code, 1, err)
+        self.assertIn("POCL_DEVICES is \"none", err)
+        self.assertNotIn("\u202e", err)
+
+    def test_an_empty_cache_folder_is_none(self):
+        code, _, err = support.run(*self.draws(), env={**self.env, "POCL_CACHE_DIR": "", "XDG_CACHE_HOME": self.path("cache")})
+        self.assertEqual(code, 0, err)
+        self.assertTrue(os.path.isdir(self.path("cache", "pocl")))
+
+
 class Environment(support.Case):
     def setUp(self):
         self.folder = support.tempfile.mkdtemp(prefix="vsplat-environment-")
@@ -160,6 +187,7 @@ class Environment(support.Case):
     def test_what_is_not_understood_is_refused_by_name(self):
         for name, value in (("VSPLAT_KERNELS", "fast"), ("VSPLAT_SELFTEST", "no"), ("VSPLAT_CHECK", "nans"), ("VSPLAT_ARENA", "1"),
                             ("VSPLAT_MATRIX_LEAST", "many"), ("VSPLAT_MATRIX_LEAST", "-3"), ("PMI_SIZE", "two"), ("OMPI_COMM_WORLD_SIZE", "2 "),
+                            ("POCL_MAX_PTHREAD_COUNT", "-1"), ("POCL_MAX_WORK_GROUP_SIZE", "x"), ("POCL_WORK_GROUP_METHOD", "fast"),
                             ("VSPLAT_LIMITS", "group=lots"), ("VSPLAT_DEVICE", "no such device \u202e")):
             with self.subTest(name=name, value=value):
                 code, _, err = support.run("init", "micro", "--seed", 1, "--output", self.path("m.safetensors"), "--overwrite")
@@ -173,11 +201,13 @@ class Environment(support.Case):
     def test_home_is_absolute(self):
         unset = {"XDG_CACHE_HOME": "", "VSPLAT_CACHE_DIR": "", "POCL_CACHE_DIR": ""}
         for name, env in (("HOME", {**unset, "HOME": "here"}), ("XDG_CACHE_HOME", {**unset, "XDG_CACHE_HOME": "./here"})):
-            code, _, err = support.run("devices", env=env, cwd=self.folder)
+            folder = self.path(name)
+            os.mkdir(folder)
+            code, _, err = support.run("devices", env=env, cwd=folder)
             self.assertEqual(code, 2, err)
             self.assertIn(f'{name} is "{env[name]}", an absolute path expected', err)
-            self.assertEqual(os.listdir(self.folder), [])
-            code, out, _ = support.run("doctor", "--json", env=env, cwd=self.folder)
+            self.assertEqual(os.listdir(folder), [])
+            code, out, _ = support.run("doctor", "--json", env=env, cwd=folder)
             self.assertEqual([f["about"] for f in json.loads(out)["findings"] if f["kind"] == "variable"], [name])
         # If nothing is cached below it, it does not matter.
         env = {"XDG_CACHE_HOME": "", "HOME": "here", "VSPLAT_CACHE_DIR": self.path("own"), "POCL_CACHE_DIR": self.path("kernels")}

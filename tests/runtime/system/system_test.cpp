@@ -192,6 +192,8 @@ TEST(SystemFolders, TriesWithoutATrace) {
   const TemporaryFolder folder;
   put_file(folder / "a", "");
   EXPECT_FALSE(sys::try_new_file_in(folder.path()));
+  EXPECT_FALSE(sys::try_new_file_in(folder.path(), 4096));
+  EXPECT_TRUE(sys::try_new_file_in(folder.path(), std::size_t{1} << 62)) << "more than any disk has";
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
   EXPECT_EQ(sys::try_new_file_in(folder / "missing"), std::errc::no_such_file_or_directory);
   EXPECT_EQ(sys::try_new_file_in(folder / "a"), std::errc::not_a_directory);
