@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/data/framed_object.h"
+#include "model/views/pose_check.h"
 
 namespace vsplat {
 namespace {
@@ -37,6 +38,10 @@ ObjectSurvey survey(const DataObject& object, int pictures) {
   const FramedObject framed = frame_object(object, request, &out.bad);
   out.views = framed.views();
   warn_of_inverted_masks(framed, pictures < 0 ? max_views : std::min(pictures, max_views));
+  std::vector<Camera> cameras;
+  cameras.reserve(static_cast<std::size_t>(out.views));
+  for (const ListedView& view : framed.photographs.set.views) cameras.push_back(view.camera);
+  warn_of_one_place(framed.told, cameras);
   out.placement = framed.placement;
   for (int i = 0; i < out.views; ++i) {
     const Camera& c = framed.photographs.set.views[i].camera;

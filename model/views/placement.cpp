@@ -56,7 +56,7 @@ ChosenPlacement choose_placement(
     if (!edge) edge = found.placement.edge, edge_from = "estimated";
     details = "; " + found.from;
   }
-  ChosenPlacement out{{*centre, *edge}, "", moves};
+  ChosenPlacement out{{*centre, *edge}, "", moves, centre_from};
   out.found = fmt::format("the object's cube: centre {} ({}), edge {:.6g} ({}){}", to_text(out.placement.centre),
                           centre_from, out.placement.edge, edge_from, details);
   return out;

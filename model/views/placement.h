@@ -43,6 +43,7 @@ struct ChosenPlacement {
   std::string found;  // a sentence: the figures and where they come from
   // The centre was estimated from the cameras and their masks: with other poses it would be elsewhere.
   bool moves_with_poses = false;
+  std::string centre_from = {};  // "estimated", "from aabb_center"; "": not known
 };
 struct EstimatedPlacement {
   Placement placement;

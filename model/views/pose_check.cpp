@@ -146,9 +146,9 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
       warn("{}", better);
     return;
   }
-  std::string text =
-      fmt::format("the centre of the object's cube {} is behind {} and outside the picture of {} of {} views",
-                  to_text(centre), seen.behind, seen.outside, cameras.size());
+  std::string text = fmt::format(
+      "the centre of the object's cube {}{} is behind {} and outside the picture of {} of {} views", to_text(centre),
+      chosen.centre_from.empty() ? "" : " (" + chosen.centre_from + ")", seen.behind, seen.outside, cameras.size());
   std::string swaps;
   for (const Swap& swap : possible_swaps(convention)) {
     const std::vector<Camera> swapped = after(swap, cameras);
@@ -202,18 +202,21 @@ void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) 
     turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
     far = std::max(far, c.centre().norm());
   }
-  // The tolerance only covers rounding: if the origin is far away, as in maps, a millionth of its distance may be
-  // larger than the whole ring of cameras.
-  if (apart > 1e-9 * std::max(far, 1e-9)) return;
-  if (turned < 1e-6)
+  // A thousandth of the distance is a pixel of parallax in a picture of a thousand. In the coordinates of a map, where
+  // the distance from the origin tells nothing, the tolerance only covers rounding.
+  constexpr double map = 1e4, parallax = 1e-3, rounding = 1e-9;
+  if (apart > (far < map ? parallax : rounding) * std::max(far, rounding)) return;
+  if (turned < parallax)
     warn(
-        "{}: all {} views have the same pose, so distances cannot be found. If an object turned in front of a fixed "
+        "{}: all {} views have nearly the same pose, so distances cannot be found. If an object turned in front of a "
+        "fixed "
         "camera, the poses must be those of the camera relative to the object: COLMAP finds them if masks or a plain "
         "background hide what did not turn",
         set, cameras.size());
   else
     warn(
-        "{}: all {} cameras are at one place and only turned, so distances cannot be found: pictures from several "
+        "{}: all {} cameras are nearly at one place and only turned, so distances cannot be found: pictures from "
+        "several "
         "places are needed",
         set, cameras.size());
 }

@@ -121,6 +121,16 @@ class Dataset(support.Case):
         self.assertTrue("0002.png" in first and "0005.png" not in first, first)
         self.assertTrue("0005.png" in second and "0002.png" not in second, second)
 
+    def test_info_of_views_with_one_pose(self):
+        self.succeeds(*self.render(self.mesh("cup.obj")))
+        self.assertNotIn("pose", self.info(self.path("set"))[1])
+        path = pathlib.Path(self.path("set", "cup", "transforms.json"))
+        listed = json.loads(path.read_text())
+        for frame in listed["frames"]:
+            frame["transform_matrix"] = listed["frames"][0]["transform_matrix"]
+        path.write_text(json.dumps(listed))
+        self.assertIn("cup: all 3 views have nearly the same pose", self.info(self.path("set"))[1])
+
     def test_info_of_what_is_no_set(self):
         self.refuses(1, "nowhere", "dataset", "info", self.path("nowhere"))
         os.makedirs(self.path("hollow"))

@@ -338,6 +338,9 @@ ViewSet read_colmap(const fs::path& folder) {
   out.source = folder;
   out.convention = PoseConvention::opencv_w2c;
   if (binary) {
+    if (holds(folder, "txt"))
+      out.choices.push_back(
+          fmt::format("{}: cameras.bin and images.bin are read, not the .txt files", folder.string()));
     out.views =
         read_images_binary(file_of(folder, "images", "bin"), read_cameras_binary(file_of(folder, "cameras", "bin")));
   } else {

@@ -5,6 +5,7 @@
 #include <array>
 #include <set>
 
+#include "model/base/scene.h"
 #include "model/io/views/listed_file.h"
 #include "model/io/views/view_checks.h"
 #include "runtime/fail.h"
@@ -209,16 +210,25 @@ ViewSet parse_transforms_json(const std::filesystem::path& path, const json& roo
   out.source = path;
   out.convention = PoseConvention::opengl_c2w;
   const std::string where = path.string();
-  if (const auto at = root.find("aabb_center"); at != root.end() && !at->is_null())
+  if (const auto at = root.find("aabb_center"); at != root.end() && !at->is_null()) {
     out.aabb_center = vector3(where, "aabb_center", *at);
+    if (out.aabb_center->cwiseAbs().maxCoeff() > kFarthestOffset)
+      fail(Status::input, "{}: aabb_center is {}, a place at most {} from the origin is expected", where, excerpt(*at),
+           kFarthestOffset);
+  }
   if (const auto at = root.find("aabb_half"); at != root.end() && !at->is_null()) {
     out.aabb_half = number(where, "aabb_half", *at);
-    if (!(*out.aabb_half > 0))
-      fail(Status::input, "{}: aabb_half is {}, a positive number is expected", where, *out.aabb_half);
+    constexpr double least = 1e-12;
+    if (!(*out.aabb_half >= least && *out.aabb_half <= kFarthestOffset))
+      fail(Status::input, "{}: aabb_half is {}, a number between {} and {} is expected", where, *out.aabb_half, least,
+           kFarthestOffset);
   }
-  if (const auto at = root.find("ply_file_path"); at != root.end() && at->is_string()) {
-    const std::string points = at->get<std::string>();
-    if (!points.empty() && points.find('\0') == std::string::npos) {
+  if (const auto at = root.find("ply_file_path"); at != root.end() && !at->is_null()) {
+    const std::string points = at->is_string() ? at->get<std::string>() : std::string(1, '\0');
+    if (points.find('\0') != std::string::npos)
+      fail(Status::format, "{}: ply_file_path is {}, the path of a PLY file with points is expected", where,
+           excerpt(*at));
+    if (!points.empty()) {
       const std::filesystem::path folder = path.parent_path();
       out.points = ListedFiles({folder}, folder).find_with_ending(points);
       if (out.points.empty()) out.points = folder / points;  // and reading it tells that it is missing

@@ -108,7 +108,10 @@ TEST_F(Colmap, TextAndBinaryAgree) {
   expect_views(read());
   folder.write("sparse/0/images.txt", "damaged, and not read where there is a binary one");
   write_binary();
-  expect_views(read());
+  const ViewSet set = read();
+  expect_views(set);
+  ASSERT_EQ(set.choices.size(), 1u);
+  EXPECT_NE(set.choices[0].find("cameras.bin and images.bin are read"), std::string::npos) << set.choices[0];
 }
 
 TEST_F(Colmap, TextMayBeginWithAByteOrderMark) {

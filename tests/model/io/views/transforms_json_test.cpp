@@ -217,8 +217,19 @@ TEST_F(TransformsJson, CubeAndMasks) {
   EXPECT_EQ(*set.aabb_half, 0.75);
   EXPECT_FALSE(set.views[0].mask);
   EXPECT_EQ(*set.views[1].mask, folder / "masks/1.png");
-  root["aabb_half"] = 0;
-  expect_error(Status::input, {"aabb_half"}, [&] { read(root); });
+  for (const double half : {0.0, -1.0, 1e-30, 1e300}) {
+    root["aabb_half"] = half;
+    expect_error(Status::input, {"transforms.json: aabb_half"}, [&] { read(root); });
+  }
+  root["aabb_half"] = 0.75;
+  root["aabb_center"] = {0, 1e300, 0};
+  expect_error(Status::input, {"transforms.json: aabb_center"}, [&] { read(root); });
+  root["aabb_center"] = nullptr;
+  for (const nlohmann::json& points :
+       {nlohmann::json(3), nlohmann::json(std::string("a\0b", 3)), nlohmann::json::array()}) {
+    root["ply_file_path"] = points;
+    expect_error(Status::format, {"transforms.json: ply_file_path"}, [&] { read(root); });
+  }
 }
 
 TEST_F(TransformsJson, FramesWithoutPictureAreCountedOnce) {
