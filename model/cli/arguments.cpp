@@ -267,6 +267,7 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
   const CLI::App* scope = &app;
   std::vector<std::string> out;
   bool options_end = false;
+  std::string without_value;  // the argument before, if it is an option that needs a value
   for (std::string argument : arguments) {
     const bool is_command = out.empty() || (out.size() == 1 && out[0] == "help");
     const bool is_suite = scope->get_name() == "bench" && !out.back().starts_with("--");
@@ -279,6 +280,12 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
                                     [&](const CommonName& c) { return name == c.name; });
     const bool foreign = !options_end && known != std::end(common_names) && !has_option(*scope, name);
     const std::string here = foreign ? known->here : "";
+    const CLI::Option* option = options_end ? nullptr : scope->get_option_no_throw(here.empty() ? name : here);
+    if (name.starts_with("-") && option && !without_value.empty())
+      throw UsageError(without_value + " has no value: " + name + " follows");
+    const bool needs_value = option && name.starts_with("-") && equals == std::string::npos;
+    without_value =
+        needs_value && option->get_items_expected_min() > 0 ? (foreign ? name + " (" + here + ")" : name) : "";
     if (foreign && here.empty() && has_positional(*scope)) {
       if (equals != std::string::npos) out.push_back(argument.substr(equals + 1));
     } else if (!here.empty() && has_option(*scope, here)) {

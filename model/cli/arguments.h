@@ -56,7 +56,8 @@ std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arg
 
 // Replaces earlier names ("refine", "--fit") and other programs' names of options ("--out", "--iterations") by those of
 // this command, and drops "--input" before an argument that is positional here. Options are replaced only where the
-// sub-command lacks the foreign name and has its own.
+// sub-command lacks the foreign name and has its own. UsageError if an option stands where the value of the one before
+// is expected: CLI11 would take it for the value.
 std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vector<std::string>& arguments);
 
 // UsageError for an empty value: most likely a script's variable that is not set, which must not count as "not given".

@@ -63,8 +63,11 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   input.view_count = o.view_count;
   set_placement(o.placement, input);
   input.force = o.force;
-  if (!o.refine && !(o.fit.steps.empty() && o.fit.size.empty() && o.fit.sheet.empty() && o.fit.seconds.empty()))
-    throw UsageError("--refine-steps, --refine-time, --refine-size and --refine-sheet need --refine");
+  for (const auto& [name, value] : {std::pair{"--refine-steps", o.fit.steps},
+                                    {"--time", o.fit.seconds},
+                                    {"--refine-size", o.fit.size},
+                                    {"--refine-sheet", o.fit.sheet}})
+    if (!o.refine && !value.empty()) throw UsageError(std::string(name) + " needs --refine");
   if (o.refine && !o.selection.empty())
     throw UsageError("--selection belongs to one set of views, but --refine runs the network on others, too");
   if (o.refine) fit.emplace(o.fit, fit_names);

@@ -253,7 +253,7 @@ class Fit(fit_case.FitCase):
         told = self.told("reconstruct", self.photos, "--model", self.model, "--output", self.path("timed.ply"), "--refine", "--refine-steps", 100000,
                          "--refine-time", 2, "--quiet")
         self.assertLess(told["seconds"], 60)
-        self.refuses(2, ["--refine-time", "--refine"], "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--time", 2)
+        self.refuses(2, "--time needs --refine", "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--time", 2)
         self.refuses(2, "--refine-time is", "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--refine", "--time", 0)
 
     def test_the_cube_comes_from_the_points_that_are_read(self):

@@ -246,7 +246,7 @@ class Genden(support.Case):
         for config in ({"densify": {"residual": True, "non_leaf_ratio": 0.7}}, dotted, {"system": "genden", "config": json.dumps(dotted["config"])}):
             self.assertEqual(imported(config)["config"], dotted["config"])
         for config, said in (({"densify": {"residul": True}}, "densify.residul"), ({"densify": {"residual": True}, "densify.residual": True}, "twice"),
-                             ({"densify": 3}, "densify"), ({"config": 3}, "not a JSON object")):
+                             ({"densify": 3}, "densify"), ({"imagee": {}}, "imagee"), ({"config": 3}, "not a JSON object")):
             pathlib.Path(self.path("config.json")).write_text(json.dumps(config))
             self.refuses(1, ["config.json", said], "weights", "import", self.CHECKPOINT, "--config", self.path("config.json"), "--output", self.path("none.safetensors"))
 
