@@ -63,7 +63,7 @@ std::string read_text(const std::string& path) {
 void add_flat(const nlohmann::json& object, const std::string& before, nlohmann::json& out) {
   for (const auto& [name, value] : object.items()) {
     const std::string whole = before + name;
-    if (value.is_object())
+    if (value.is_object() && !value.empty())  // an empty one is refused by the reader
       add_flat(value, whole + ".", out);
     else if (out.contains(whole))
       fail(Status::format, "the configuration has {} twice", json_fields::shown(whole));
