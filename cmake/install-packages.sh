@@ -9,7 +9,7 @@ set -eu
 build="build-essential cmake ninja-build git pkg-config
   ocl-icd-opencl-dev opencl-c-headers opencl-clhpp-headers pocl-opencl-icd libclblast-dev
   libeigen3-dev libfmt-dev nlohmann-json3-dev libcli11-dev
-  libpng-dev libjpeg62-turbo-dev libopenexr-dev libwebp-dev libgif-dev libtiff-dev libexif-dev libstb-dev libzip-dev libzstd-dev libutf8proc-dev zlib1g-dev libssl-dev
+  libpng-dev libjpeg62-turbo-dev libopenexr-dev libwebp-dev libgif-dev libtiff-dev libexif-dev libstb-dev libzip-dev libzstd-dev libutf8proc-dev zlib1g-dev libssl-dev libmicrohttpd-dev
   libassimp-dev libdraco-dev libmeshoptimizer-dev libembree-dev libhdf5-dev libnanoflann-dev
   libgtest-dev python3"
 tests="python3-torch python3-numpy python3-scipy python3-pil libopenblas-dev libdnnl-dev libopenmpi-dev openmpi-bin

@@ -74,6 +74,10 @@ constexpr CommonName common_names[] = {{"--out", "--output"},
                                        {"--centre", "--center"},
                                        {"--fit", "--crop"}};
 
+bool is_digits(const std::string& text) {
+  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
 bool has_option(const CLI::App& app, const std::string& name) { return app.get_option_no_throw(name) != nullptr; }
 
 const CLI::App* subcommand(const CLI::App& app, const std::string& name) {
@@ -268,6 +272,7 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
   std::vector<std::string> out;
   bool options_end = false;
   std::string without_value;  // the argument before, if it is an option that needs a value
+  std::string otherwise;      // the value of the option before, if it may have a number and none follows
   for (std::string argument : arguments) {
     const bool is_command = out.empty() || (out.size() == 1 && out[0] == "help");
     const bool is_suite = scope->get_name() == "bench" && !out.back().starts_with("--");
@@ -284,6 +289,10 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
     if (name.starts_with("-") && option && !without_value.empty())
       throw UsageError(without_value + " has no value: " + name + " follows");
     const bool needs_value = option && name.starts_with("-") && equals == std::string::npos;
+    if (!otherwise.empty() && !is_digits(argument)) out.back() += "=" + otherwise;
+    const bool is_optional =
+        needs_value && option->get_items_expected_min() == 0 && option->get_items_expected_max() == 1;
+    otherwise = is_optional ? option->get_default_str() : "";
     without_value =
         needs_value && option->get_items_expected_min() > 0 ? (foreign ? name + " (" + here + ")" : name) : "";
     if (foreign && here.empty() && has_positional(*scope)) {
@@ -294,6 +303,7 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
       out.push_back(argument);
     }
   }
+  if (!otherwise.empty()) out.back() += "=" + otherwise;
   return out;
 }
 

@@ -155,6 +155,14 @@ void add_fit(CLI::App& app, Run& run) {
   sub->add_flag("--resume", fit_options.resume,
                 "Continue from the state in --checkpoint; the result has the same bytes as without the interruption")
       ->group(files);
+  sub->add_option("--live", fit_options.live,
+                  "Serve a page on 127.0.0.1 that shows the scene, curves and held-out pictures while it fits (default "
+                  "port: the first free one from " +
+                      std::to_string(first_live_port) + ")")
+      ->expected(0, 1)
+      ->default_str("auto")
+      ->type_name("PORT")
+      ->group(files);
   sub->add_flag("--dry-run", o->dry_run, "Only print how much memory and time it would take; a few steps are timed")
       ->group(files);
   add_common(*sub, o->common);

@@ -42,6 +42,11 @@ std::string progress_text(const vsplat_fit_progress& p) {
   return out;
 }
 
+std::string state_text(const vsplat_fit_progress& p) {
+  return "At " + std::string(p.phase) + ", step " + std::to_string(p.step) + " of " + std::to_string(p.steps) +
+         ", when this page was made.";
+}
+
 // Shows every step on a terminal; in a log the start of each phase and a line every few seconds.
 class Teller {
  public:
@@ -144,6 +149,7 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   const double begun = elapsed_seconds();
   page_.before = begun - since;
   double paged = begun;
+  begin_live(common, fit, views);
   vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
   for (bool more = true; more;) {
     if (interrupted()) {
@@ -154,9 +160,12 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     more = fit.step(progress);
     teller.tell(progress);
     remember(progress, elapsed_seconds() - begun);
+    if (live_) {
+      live_->at(progress_text(progress),
+                progress.steps > 0 ? static_cast<double>(progress.step) / static_cast<double>(progress.steps) : 0);
+      if (more && live_->is_due()) show_live(session, fit, views);
+    }
     if (page_path_.empty() || elapsed_seconds() - paged < page_every) continue;
-    page_.state = "At " + std::string(progress.phase) + ", step " + std::to_string(progress.step) + " of " +
-                  std::to_string(progress.steps) + ", when this page was made.";
     try {
       write_page(session, outputs);
     } catch (const std::exception& e) {  // the fit goes on
@@ -228,7 +237,8 @@ Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
 }
 
 void FitJob::remember(const vsplat_fit_progress& p, double seconds) {
-  if (log_.empty() && page_path_.empty()) return;
+  if (log_.empty() && page_path_.empty() && !live_) return;
+  page_.state = state_text(p);
   if (page_.phases.empty() || page_.phases.back() != p.phase) page_.phases.emplace_back(p.phase);
   page_.steps.push_back({page_.phases.size() - 1, p.step, p.gaussians, p.loss, p.psnr, seconds});
 }
@@ -318,6 +328,42 @@ void FitJob::write_page(const Session& session, Outputs& outputs) {
   if (session.recorded()) page_.profile = session.device().profile_rows();
   const std::string text = fit_page_text(page_);
   write_text(outputs.begin(page_path_), text);
+}
+
+void FitJob::begin_live(const Common& common, const vsplat::Fit& fit, const vsplat::Views& views) {
+  if (live_port_.empty()) return;
+  live_ = std::make_unique<LiveFit>(common, live_port_, page_.scene);
+  std::vector<PageCamera> cameras;
+  for (const std::int32_t view : fit.views(VSPLAT_FIT_USED))
+    cameras.push_back({views.name(static_cast<std::size_t>(view)), fit.camera(static_cast<std::size_t>(view))});
+  live_->set_cameras(std::move(cameras));
+}
+
+// The best scene so far, and a few pictures beside their drawings. The fit goes on if this fails.
+void FitJob::show_live(const Session& session, const vsplat::Fit& fit, const vsplat::Views& views) try {
+  constexpr std::size_t most_pictures = 3;
+  const double begun = elapsed_seconds();
+  const vsplat::Scene scene = fit.scene();
+  FitPage page = page_;
+  page.settings = &settings_;
+  std::vector<std::int32_t> shown = fit.views(VSPLAT_FIT_HELD_OUT);
+  page.about_pictures =
+      shown.empty() ? "None is held out: the scene is fitted to these." : "Held out: no step is fitted to them.";
+  if (shown.empty()) shown = fit.views(VSPLAT_FIT_USED);
+  const std::size_t rows = std::min(shown.size(), most_pictures);
+  for (std::size_t row = 0; row < rows; ++row) {
+    const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
+    const vsplat::Picture given = fit.picture(view), drawn = vsplat::render(session.device(), scene, fit.camera(view));
+    vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
+    vsplat::check(
+        vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &scores, nullptr));
+    page.pictures.push_back({views.name(view), scores.psnr, scores.psnr_cc, scores.ssim, picture_uri(given),
+                             picture_uri(drawn), picture_uri(difference_of(drawn, given))});
+  }
+  live_->show(scene, page, begun);
+} catch (const std::exception& e) {
+  warn(std::string("the live page ends here: ") + e.what());
+  live_.reset();
 }
 
 void FitJob::end_page(const Session& session, const vsplat::Scene& scene, Outputs& outputs, double begun) {

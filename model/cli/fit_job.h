@@ -8,6 +8,7 @@
 #include <vsplat/vsplat.hpp>
 
 #include "fit_page.h"
+#include "live_fit.h"
 #include "outputs.h"
 #include "session.h"
 
@@ -19,6 +20,7 @@ struct FitOptions {
   std::string quality = "draft", seconds, max_gaussians, strategy, consolidate, holdout, sh, freeze, seed, log,
               checkpoint, background, masks;
   std::string page, record;  // paths; "": none
+  std::string live;          // a port, or "auto"; "": no live page
   bool poses = false, exposure = false, resume = false, antialias = false, invert_masks = false;
 };
 
@@ -73,15 +75,18 @@ class FitJob {
   void measure(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, const vsplat::Views& views);
   void write_record(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, Outputs& outputs) const;
   void write_page(const Session& session, Outputs& outputs);
+  void begin_live(const Common& common, const vsplat::Fit& fit, const vsplat::Views& views);
+  void show_live(const Session& session, const vsplat::Fit& fit, const vsplat::Views& views);
   void end_page(const Session& session, const vsplat::Scene& scene, Outputs& outputs, double begun);
   void draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene, Outputs& outputs) const;
   std::vector<std::string> names_of(const vsplat::Fit& fit, vsplat_fit_views which, const vsplat::Views& views) const;
 
   std::vector<std::string> holdout_;
   std::vector<const char*> holdout_pointers_;
-  std::string log_, sheet_, poses_, checkpoint_, page_path_, record_, output_;
+  std::string log_, sheet_, poses_, checkpoint_, page_path_, record_, output_, live_port_;
   nlohmann::ordered_json settings_, derived_;
   FitPage page_;
+  std::unique_ptr<LiveFit> live_;
   vsplat::Scene start_;
   vsplat_fit_result result_ = VSPLAT_FIT_RESULT_INIT;
   int longest_ = 0;  // pixels of a picture's longer side; 0: its own size

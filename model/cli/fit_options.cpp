@@ -50,7 +50,12 @@ void set_background(vsplat_fit_options& options, const std::string& text) {
 }  // namespace
 
 FitJob::FitJob(const FitOptions& o, const FitNames& names)
-    : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint), page_path_(o.page), record_(o.record) {
+    : log_(o.log),
+      sheet_(o.sheet),
+      checkpoint_(o.checkpoint),
+      page_path_(o.page),
+      record_(o.record),
+      live_port_(o.live) {
   options.poses = o.poses;
   options.exposure = o.exposure;
   options.antialias = o.antialias;

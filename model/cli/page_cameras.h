@@ -9,7 +9,7 @@ namespace command {
 struct PageCamera {
   std::string name;  // of the photograph, or the camera's number
   vsplat_camera camera = VSPLAT_CAMERA_INIT;
-  std::string picture;  // a data URI; "": none
+  std::string picture{};  // a data URI; "": none
 };
 
 // Where they are read from.

@@ -26,14 +26,6 @@ namespace {
 // Times the median distance from a scene's middle.
 constexpr float most_distant = 4096;
 
-std::string embedded(std::string_view name) {
-  std::size_t count = 0;
-  const vsplat::EmbeddedFile* files = vsplat_viewer(&count);
-  for (std::size_t i = 0; i < count; ++i)
-    if (files[i].name == name) return files[i].text;
-  throw std::logic_error("viewer/" + std::string(name) + " is not embedded");
-}
-
 // A gzip file, without a name or a time.
 std::vector<unsigned char> gzip(const std::string& text) {
   z_stream stream{};
@@ -113,7 +105,7 @@ float median(std::vector<float> values) {
 
 // The scene without the Gaussians that are thousands of times as far from its middle as most: all positions of an SPZ
 // file share one step, so that a few far ones would make that of the others coarse, or would not fit at all.
-vsplat::Scene without_distant(const PageScene& page_scene, const std::string& path) {
+vsplat::Scene without_distant(const PageScene& page_scene, const std::string& path, bool quiet) {
   const vsplat::Scene& scene = page_scene.scene;
   const std::size_t count = scene.info().count;
   if (count == 0) return scene;
@@ -136,24 +128,11 @@ vsplat::Scene without_distant(const PageScene& page_scene, const std::string& pa
   if (left_out == 0) return scene;
   vsplat::Scene out = copy_of(scene);
   out.remove(distant);
+  if (quiet) return out;
   warn(path + ": leaves out " + std::to_string(left_out) + " of " + std::to_string(count) +
        " Gaussians, which are more than " + std::to_string(static_cast<int>(most_distant)) +
        " times as far from the middle as most: the page holds positions in 24 bits");
   return out;
-}
-
-std::vector<unsigned char> spz_of(const PageScene& scene, const std::string& path) {
-  vsplat_scene_save_options format = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
-  format.format = "spz";
-  format.spz_version = page_spz_version;
-  try {
-    return without_distant(scene, path).save_memory(format);
-  } catch (const vsplat::Error& e) {
-    std::string why = e.what();
-    if (const std::string in_memory = "the scene: "; why.starts_with(in_memory)) why.erase(0, in_memory.size());
-    throw vsplat::Error(e.status(),
-                        ((scene.file.empty() ? path : scene.file) + ", as the SPZ file in a page: " + why).c_str());
-  }
 }
 
 // The template with each @NAME@ replaced, in the order in which they stand.
@@ -172,16 +151,38 @@ std::string filled(const std::string& text, const std::vector<std::pair<std::str
 
 }  // namespace
 
+std::string viewer_file(std::string_view name) {
+  std::size_t count = 0;
+  const vsplat::EmbeddedFile* files = vsplat_viewer(&count);
+  for (std::size_t i = 0; i < count; ++i)
+    if (files[i].name == name) return files[i].text;
+  throw std::logic_error("viewer/" + std::string(name) + " is not embedded");
+}
+
+std::vector<unsigned char> page_spz(const PageScene& scene, const std::string& path, bool quiet) {
+  vsplat_scene_save_options format = VSPLAT_SCENE_SAVE_OPTIONS_INIT;
+  format.format = "spz";
+  format.spz_version = page_spz_version;
+  try {
+    return without_distant(scene, path, quiet).save_memory(format);
+  } catch (const vsplat::Error& e) {
+    std::string why = e.what();
+    if (const std::string in_memory = "the scene: "; why.starts_with(in_memory)) why.erase(0, in_memory.size());
+    throw vsplat::Error(e.status(),
+                        ((scene.file.empty() ? path : scene.file) + ", as the SPZ file in a page: " + why).c_str());
+  }
+}
+
 std::string scene_page_text(const ScenePage& page, const std::string& path) {
   std::string scenes;
   for (std::size_t i = 0; i < page.scenes.size(); ++i)
     scenes += R"(<script type="text/plain" id="scene-)" + std::to_string(i) + "\">" +
-              base64(spz_of(page.scenes[i], path)) + "</script>\n";
-  return filled(embedded("page.html"), {{"@TITLE@", html_text(page.title)},
-                                        {"@STYLE@", embedded("page.css")},
-                                        {"@ABOUT@", script_json(about(page))},
-                                        {"@SCENES@", scenes},
-                                        {"@VIEWER@", base64(gzip(embedded("viewer.js")))}});
+              base64(page_spz(page.scenes[i], path, page.quiet)) + "</script>\n";
+  return filled(viewer_file("page.html"), {{"@TITLE@", html_text(page.title)},
+                                           {"@STYLE@", viewer_file("page.css")},
+                                           {"@ABOUT@", script_json(about(page))},
+                                           {"@SCENES@", scenes},
+                                           {"@VIEWER@", base64(gzip(viewer_file("viewer.js")))}});
 }
 
 bool is_page(const std::string& path) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 #include <vsplat/vsplat.hpp>
 
@@ -23,10 +24,18 @@ struct ScenePage {
   std::vector<PageScene> scenes;  // one, or two with a slider between them; the last one is what the page saves
   std::vector<PageCamera> cameras;
   float background[3] = {1, 1, 1};
+  bool quiet = false;  // no warning of Gaussians that are left out
 };
 
 // The version of the SPZ files in pages: browsers decompress its gzip by themselves.
 inline constexpr int32_t page_spz_version = 3;
+
+// A file of viewer/.
+std::string viewer_file(std::string_view name);
+
+// The SPZ file of a scene in a page, without Gaussians that are too far away. Throws if the scene cannot be written so.
+// `path`, of the page, is for errors.
+std::vector<unsigned char> page_spz(const PageScene& scene, const std::string& path, bool quiet = false);
 
 // Throws if a scene cannot be written as SPZ. `path`, of the page, is for errors.
 std::string scene_page_text(const ScenePage& page, const std::string& path);

@@ -20,11 +20,11 @@ function(vsplat_cli_test name script)
 endfunction()
 set(with_library ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
 
-foreach(part accidents bad_files bench cameras check convert dataset doctor driver_state evaluate far fit fit_page fit_scene flags full_disk genden help import kernels lara mesh pictures precision profile reader refusal report run scene_formats scenes selftest share strangers tables train train_learns train_report tune usage viewer views)
+foreach(part accidents bad_files bench cameras check convert dataset doctor driver_state evaluate far fit fit_page fit_scene flags full_disk genden help import kernels lara live mesh pictures precision profile reader refusal report run scene_formats scenes selftest share strangers tables train train_learns train_report tune usage viewer views)
   vsplat_cli_test(cli_${part} ${part}_test.py LABELS cli ${with_library})
 endforeach()
 # The tests marked as slow in these files, which the tests above skip.
-foreach(part bad_files import reader selftest share train train_learns tune viewer)
+foreach(part bad_files import live reader selftest share train train_learns tune viewer)
   vsplat_cli_test(cli_${part}_slow ${part}_test.py --slow LABELS cli slow ${with_library})
 endforeach()
 

@@ -159,10 +159,22 @@ class Page {
     this.stage.background(this.background);
   }
 
+  replace(scene, bytes) {
+    this.stage.replace(this.about.scenes.length - 1, scene);
+    this.extent = extent(scene);
+    this.bytes = bytes;
+    this.count(scene);
+    this.show();
+  }
+
+  count(scene) {
+    element('count').textContent = `${scene.count.toLocaleString('en')} Gaussians`;
+  }
+
   save() {
     const {id, file} = this.about.scenes[this.about.scenes.length - 1];
     const link = document.createElement('a');
-    link.href = URL.createObjectURL(new Blob([bytesOf(id)], {type: 'application/octet-stream'}));
+    link.href = URL.createObjectURL(new Blob([this.bytes || bytesOf(id)], {type: 'application/octet-stream'}));
     link.download = file;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 60000);
@@ -182,7 +194,7 @@ class Page {
   connect(scenes) {
     const {about} = this;
     element('title').textContent = about.title;
-    element('count').textContent = `${scenes[scenes.length - 1].count.toLocaleString('en')} Gaussians`;
+    this.count(scenes[scenes.length - 1]);
     element('cameras').hidden = !about.cameras.length;
     element('compare').hidden = element('line').hidden = about.scenes.length < 2;
     if (about.scenes.length > 1) {
@@ -242,6 +254,12 @@ function controls(page) {
     pose: () => matrixOf(page.view().pose),
     async split(at) {
       page.setSplit(at);
+      await stage.settled();
+    },
+    // Shows another scene, the bytes of an SPZ file, in place of the last one; the view stays.
+    async replace(bytes) {
+      const last = page.about.scenes.length - 1;
+      await page.replace({...await readSpz(bytes), shift: page.about.scenes[last].shift}, bytes);
       await stage.settled();
     },
     // Hides all but the scene.

@@ -38,6 +38,7 @@ export class Stage {
     how.colorUpdateDistance = 0;
     how.dataFormat = 'large';
     how.splatBudget = 0;
+    this.splats = [];
     this.sides = scenes.map((scene, i) => this.addSide(scene, i));
     app.systems.gsplat.on('frame:request', () => this.draw());
     app.systems.gsplat.on('frame:ready', (camera, layer, ready, loading) => {
@@ -60,12 +61,21 @@ export class Stage {
     splats.addComponent('gsplat', {layers: [layer.id]});
     splats.gsplat.resource = resourceOf(this.app.graphicsDevice, scene);
     this.app.root.addChild(splats);
+    this.splats[i] = splats.gsplat;
     const camera = new Entity();
     camera.addComponent('camera', {layers: [layer.id], toneMapping: TONEMAP_NONE, priority: i});
     camera.camera.calculateProjection = (matrix) => matrix.copy(this.projection);
     camera.camera.camera._scissorRectClear = true;  // the line between two scenes bounds what is cleared, too
     this.app.root.addChild(camera);
     return camera;
+  }
+
+  // Shows another scene in place of scene i.
+  replace(i, scene) {
+    const old = this.splats[i].resource;
+    this.splats[i].resource = resourceOf(this.app.graphicsDevice, scene);
+    old.destroy();
+    this.draw();
   }
 
   resize(width, height) {
