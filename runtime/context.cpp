@@ -121,6 +121,7 @@ void Context::finish() {
   } catch (const cl::Error& e) {
     fail_cl(e, "waiting for " + impl_->info.name);
   }
+  impl_->forget_written();
   impl_->profiler.collect();
   try {
     for (const Counters::Count& count : impl_->counters.take(impl_->queue))

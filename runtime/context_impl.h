@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -69,6 +70,15 @@ struct Context::Impl {
   std::string stage;
   std::vector<StageMemory> stage_memory;
   std::optional<double> fill_seconds;  // see event_times()
+  // Small data that write() has enqueued without waiting, until all commands before some moment are done.
+  std::deque<std::vector<char>> written;
+  std::size_t written_bytes = 0;
+
+  // To be called when the device has done all that was enqueued.
+  void forget_written() {
+    written.clear();
+    written_bytes = 0;
+  }
 
   // Sets what depends on the device and the limits; creates a queue if there is none yet.
   void open(const ArenaLimits& limits) {

@@ -6,6 +6,13 @@
 #include "runtime/host_span.h"
 
 namespace vsplat {
+namespace {
+
+// Up to so many bytes are copied here and written when the device comes to it: a wait for that would leave the device
+// idle. At most so many are kept.
+constexpr std::size_t kSmallWrite = std::size_t{64} << 10, kMostKept = std::size_t{4} << 20;
+
+}  // namespace
 
 Tensor Context::tensor(const Shape& shape, Type type, const std::string& what) {
   std::size_t bytes = size_of(type);
@@ -29,9 +36,18 @@ Tensor Context::upload(const Shape& shape, const void* data, Type type, const st
 void Context::write(const Tensor& tensor, const void* data) {
   if (impl_->planning || tensor.count() == 0) return;
   const HostSpan span(HostKind::upload, "write");
-  impl_->transfer("write", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
-    impl_->queue.enqueueWriteBuffer(*tensor.block()->buffer(), CL_TRUE, 0, tensor.bytes(), data, nullptr, event);
+  const std::size_t bytes = tensor.bytes();
+  const bool waits = bytes > kSmallWrite || impl_->written_bytes + bytes > kMostKept;
+  if (!waits) {
+    const char* from = static_cast<const char*>(data);
+    data = impl_->written.emplace_back(from, from + bytes).data();
+    impl_->written_bytes += bytes;
+  }
+  impl_->transfer("write", static_cast<double>(bytes), [&](cl::Event* event) {
+    impl_->queue.enqueueWriteBuffer(*tensor.block()->buffer(), waits ? CL_TRUE : CL_FALSE, 0, bytes, data, nullptr,
+                                    event);
   });
+  if (waits) impl_->forget_written();
 }
 
 void Context::fill_zero(const Tensor& tensor) {
@@ -61,6 +77,7 @@ void Context::read(const Tensor& tensor, void* data) {
   impl_->transfer("read", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
     impl_->queue.enqueueReadBuffer(*tensor.block()->buffer(), CL_TRUE, 0, tensor.bytes(), data, nullptr, event);
   });
+  impl_->forget_written();
 }
 
 }  // namespace vsplat
