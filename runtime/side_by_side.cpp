@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "runtime/arena.h"
+#include "runtime/fail.h"
 #include "runtime/rounding.h"
 
 namespace vsplat {
@@ -45,6 +46,17 @@ std::vector<std::size_t> split_to_fit(const Context& ctx, const std::vector<Shap
     left -= more;
   }
   return out;
+}
+
+Tensor slice(const Tensor& whole, long from, long count) {
+  if (whole.rank() == 0 || from < 0 || count < 0 || from + count > whole.dim(0))
+    fail(Status::internal, "{} rows of {} from {} on", count, whole.describe(), from);
+  Shape shape = whole.shape();
+  shape[0] = count;
+  const Tensor part(nullptr, shape, whole.type());
+  const std::size_t before =
+      whole.bytes() / static_cast<std::size_t>(std::max(whole.dim(0), 1L)) * static_cast<std::size_t>(from);
+  return {std::make_shared<Block>(whole.block(), before, part.bytes()), shape, whole.type()};
 }
 
 }  // namespace vsplat

@@ -21,4 +21,8 @@ SideBySide side_by_side(Context& ctx, const std::vector<Shape>& shapes, const st
 // `bytes`, at least one. Returns the number of parts of each piece, in order.
 std::vector<std::size_t> split_to_fit(const Context& ctx, const std::vector<Shape>& shapes, std::size_t bytes);
 
+// `count` rows of a tensor's leading dimension from `from` on, in the same memory. The bytes before them are a multiple
+// of the device's buffer alignment.
+Tensor slice(const Tensor& whole, long from, long count);
+
 }  // namespace vsplat

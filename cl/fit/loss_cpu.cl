@@ -1,7 +1,9 @@
-// The similarity of loss.cl on a CPU: a work-item processes a row of a picture, 16 numbers at a time. Arguments and
-// results are equal.
+// The similarity of loss.cl on a CPU: a work-item processes a row of a picture, 16 numbers at a time, or where it blurs
+// along y ROWS rows, which share what they read. Arguments and results are equal.
 #include "loss.clh"
 #include "vector16.clh"
+
+#define ROWS 4
 
 // ```
 // arguments   as in loss.cl
@@ -31,55 +33,102 @@ kernel void loss_rows(global const float* restrict m, global const float* restri
   }
 }
 
+// ```
+// arguments   as in loss.cl
+// work-items  (block of 2048 pixels, n)
+// ```
+kernel void loss_sums(global const float* restrict x, global float* restrict sums, int pixels, int of) {
+  const int block = get_global_id(0), n = get_global_id(1), left = 3 * min(pixels - block * 2048, 2048);
+  if (left <= 0) return;
+  global const float* from = x + ((size_t)n * pixels + (size_t)block * 2048) * 3;
+  float16 part[3] = {0.0f, 0.0f, 0.0f};  // 48 numbers are 16 pixels
+  for (int i = 0; i < left; i += 48)
+#pragma unroll
+    for (int k = 0; k < 3; ++k) {
+      const float16 v = load_part(from + i + 16 * k, left - i - 16 * k);
+      part[k] += of == 0 ? v : of == 1 ? v * v : fabs(v);
+    }
+  float all[48], sum[3] = {0.0f, 0.0f, 0.0f};
+  for (int k = 0; k < 3; ++k) vstore16(part[k], k, all);
+  for (int i = 0; i < 48; ++i) sum[i % 3] += all[i];
+  for (int c = 0; c < 3; ++c) sums[((size_t)n * DIV_UP(pixels, 2048) + block) * 3 + c] = sum[c];
+}
+
 DEFINE_SIMILARITY(float16)
 
 // ```
 // arguments   as in loss.cl
-// work-items  one per row that is written
+// work-items  one per ROWS rows that are written
 // ```
 kernel void loss_maps(global const float* restrict rows, global float* restrict off, global float* restrict slopes,
                       int V3, int H, int N, int structure) {
-  const int valid = H - WINDOW + 1, row = get_global_id(0), y = row % valid, n = row / valid;
+  const int valid = H - WINDOW + 1, blocks = DIV_UP(valid, ROWS);
+  const int block = get_global_id(0), n = block / blocks, y0 = block % blocks * ROWS, count = min(valid - y0, ROWS);
   if (n >= N) return;
-  const size_t plane = (size_t)N * H * V3, step = (size_t)N * valid * V3;
-  rows += ((size_t)n * H + y) * V3;
-  off += (size_t)row * V3;
-  if (slopes) slopes += (size_t)row * V3;
+  const size_t plane = (size_t)N * H * V3, step = (size_t)N * valid * V3, to = ((size_t)n * valid + y0) * V3;
+  rows += (size_t)n * H * V3;
   for (int j = 0; j < V3; j += 16) {
-    float16 M = 0.0f, D = 0.0f, smm = 0.0f, sdd = 0.0f;
-    for (int k = 0; k < WINDOW; ++k) {
-      global const float* at = rows + (size_t)k * V3 + j;
-      M = FMA(window[k], load_part(at, V3 - j), M);
-      D = FMA(window[k], load_part(at + plane, V3 - j), D);
-      smm = FMA(window[k], load_part(at + 2 * plane, V3 - j), smm);
-      sdd = FMA(window[k], load_part(at + 3 * plane, V3 - j), sdd);
+    float16 M[ROWS], D[ROWS], smm[ROWS], sdd[ROWS];
+#pragma unroll
+    for (int i = 0; i < ROWS; ++i) M[i] = D[i] = smm[i] = sdd[i] = 0.0f;
+#pragma unroll
+    for (int r = 0; r < WINDOW - 1 + ROWS; ++r) {
+      global const float* at = rows + (size_t)min(y0 + r, H - 1) * V3 + j;
+      const float16 vM = load_part(at, V3 - j), vD = load_part(at + plane, V3 - j);
+      const float16 vmm = load_part(at + 2 * plane, V3 - j), vdd = load_part(at + 3 * plane, V3 - j);
+#pragma unroll
+      for (int i = 0; i < ROWS; ++i) {
+        const int k = r - i;
+        if (k < 0 || k >= WINDOW) continue;
+        M[i] = FMA(window[k], vM, M[i]);
+        D[i] = FMA(window[k], vD, D[i]);
+        smm[i] = FMA(window[k], vmm, smm[i]);
+        sdd[i] = FMA(window[k], vdd, sdd[i]);
+      }
     }
-    const Similarity_float16 s = similarity_float16(M, D, smm, sdd, structure);
-    store_part(s.off, V3 - j, off + j);
-    if (!slopes) continue;
-    store_part(s.by_x, V3 - j, slopes + j);
-    store_part(s.by_vm, V3 - j, slopes + j + step);
-    store_part(s.by_vd, V3 - j, slopes + j + 2 * step);
+#pragma unroll
+    for (int i = 0; i < ROWS; ++i) {
+      if (i >= count) break;
+      const Similarity_float16 s = similarity_float16(M[i], D[i], smm[i], sdd[i], structure);
+      const size_t here = to + (size_t)i * V3 + j;
+      store_part(s.off, V3 - j, off + here);
+      if (!slopes) continue;
+      store_part(s.by_x, V3 - j, slopes + here);
+      store_part(s.by_vm, V3 - j, slopes + here + step);
+      store_part(s.by_vd, V3 - j, slopes + here + 2 * step);
+    }
   }
 }
 
 // ```
 // arguments   as in loss.cl
-// work-items  one per row that is written, of all 3N fields
+// work-items  one per ROWS rows that are written, of all 3N fields
 // ```
 kernel void loss_backward_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H,
                                  int fields) {
-  const int pad = 3 * (WINDOW - 1), valid = H - WINDOW + 1;
-  const int row = get_global_id(0), y = row % H, n = row / H;
+  const int pad = 3 * (WINDOW - 1), valid = H - WINDOW + 1, blocks = DIV_UP(H, ROWS);
+  const int block = get_global_id(0), n = block / blocks, y0 = block % blocks * ROWS, count = min(H - y0, ROWS);
   if (n >= fields) return;
-  const int first = max(0, y - valid + 1), last = min(WINDOW - 1, y);
   slopes += (size_t)n * valid * V3;
-  spread += (size_t)row * (V3 + 2 * pad);
-  for (int j = 0; j < pad; ++j) spread[j] = spread[V3 + pad + j] = 0.0f;
+  spread += ((size_t)n * H + y0) * (V3 + 2 * pad);
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j < pad; ++j)
+      spread[(size_t)i * (V3 + 2 * pad) + j] = spread[(size_t)i * (V3 + 2 * pad) + V3 + pad + j] = 0.0f;
   for (int j = 0; j < V3; j += 16) {
-    float16 sum = 0.0f;
-    for (int k = first; k <= last; ++k) sum = FMA(window[k], load_part(slopes + (size_t)(y - k) * V3 + j, V3 - j), sum);
-    store_part(sum, V3 - j, spread + pad + j);
+    float16 sum[ROWS];
+#pragma unroll
+    for (int i = 0; i < ROWS; ++i) sum[i] = 0.0f;
+#pragma unroll
+    for (int r = ROWS - 1; r > -WINDOW; --r) {  // downwards, so that each sum is in the order of k
+      if (y0 + r < 0 || y0 + r >= valid) continue;
+      const float16 v = load_part(slopes + (size_t)(y0 + r) * V3 + j, V3 - j);
+#pragma unroll
+      for (int i = 0; i < ROWS; ++i)
+        if (i - r >= 0 && i - r < WINDOW) sum[i] = FMA(window[i - r], v, sum[i]);
+    }
+#pragma unroll
+    for (int i = 0; i < ROWS; ++i)
+      if (i < count) store_part(sum[i], V3 - j, spread + (size_t)i * (V3 + 2 * pad) + pad + j);
   }
 }
 

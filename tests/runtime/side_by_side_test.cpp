@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <numeric>
+
 #include "runtime/arena.h"
 #include "tests/support/device.h"
+#include "tests/support/refusal.h"
 
 namespace vsplat {
 namespace {
@@ -44,6 +48,22 @@ TEST_P(SideBySideTest, ThePieceIsGivenBackWithItsLastPart) {
   EXPECT_EQ(ctx().read<float>(last), std::vector<float>(30, 0.0f));
   last = Tensor();
   EXPECT_EQ(ctx().memory().live(), before);
+}
+
+TEST_P(SideBySideTest, ASliceIsTheWholesMemory) {
+  const auto rows = static_cast<long>(ctx().memory().limits().align);  // of two numbers each: any multiple of `align`
+  std::vector<float> values(static_cast<std::size_t>(6 * rows));
+  std::iota(values.begin(), values.end(), 0.0f);
+  Tensor all = ctx().upload({3 * rows, 2}, values);
+  const Tensor some = slice(all, rows, rows + 1);
+  EXPECT_EQ(some.shape(), (Shape{rows + 1, 2}));
+  EXPECT_EQ(ctx().read<float>(some), std::vector<float>(&values[2 * rows], &values[4 * rows + 2]));
+  ctx().fill_zero(slice(all, 2 * rows, rows));
+  std::fill(values.begin() + 4 * rows, values.end(), 0.0f);
+  EXPECT_EQ(ctx().read<float>(all), values);
+  all = Tensor();
+  EXPECT_EQ(ctx().read<float>(some)[1], values[2 * rows + 1]) << "lives as long as the slice";
+  test::expect_error(Status::internal, {"rows"}, [&] { slice(some, rows, 2); });
 }
 
 TEST_P(SideBySideTest, APlanTakesAsMuch) {

@@ -9,8 +9,8 @@ namespace vsplat {
 // picture, K1 = 0.01 and K2 = 0.03; it is the mean over windows, channels and pictures. Where both sides exceed 160
 // pixels it is MS-SSIM: five scales, each half the size of the last, with means over the windows for each picture and
 // channel, where negative ones count as 0 (and so does their gradient). An absolute error of 0 has the slope 0. Uses
-// scratch memory of about ten times the pictures, or twice without the similarity. Never waits for the device; every
-// run gives the same bits.
+// scratch memory of about ten times the pictures, or twice without the similarity; one large picture with one scale is
+// computed in bands, and takes that for a band. Never waits for the device; every run gives the same bits.
 enum class ErrorKind { squared, absolute };
 // automatic: SSIM or, if the picture is large enough, MS-SSIM. none: computes neither and ignores ssim_weight.
 enum class SimilarityKind { automatic, single_scale, none };
@@ -25,6 +25,7 @@ struct PictureLoss {
   float gradient_scale = 1;
   ErrorKind error = ErrorKind::squared;
   SimilarityKind similarity = SimilarityKind::automatic;
+  long band_pixels = 1L << 20;  // about so many in a band
 };
 
 void picture_loss(Context& ctx, const PictureLoss& a);

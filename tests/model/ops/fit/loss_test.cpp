@@ -47,11 +47,11 @@ class Loss : public test::FlavourTest {
   };
 
   Result run(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w, float weight = 0.5f,
-             const Kind& kind = {}) {
+             const Kind& kind = {}, long band_pixels = 1L << 20) {
     const Shape shape = {static_cast<long>(pictures.size()) / (h * w * 3), h, w, 3};
     PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), weight, ctx().upload({3}, test::nans(3)),
                   ctx().upload(shape, test::nans(pictures.size()))};
-    a.error = kind.error, a.similarity = kind.similarity;
+    a.error = kind.error, a.similarity = kind.similarity, a.band_pixels = band_pixels;
     picture_loss(ctx(), a);
     Result result{ctx().read<float>(a.out), ctx().read<float>(a.dpictures)};
     a.dpictures = {};
@@ -111,6 +111,35 @@ TEST_P(Loss, SingleScaleMatchesReferenceOnLargePictures) {
       0.05f);
 }
 
+// A large picture is computed in bands. The last has all its windows in the one before, or is shorter than a window.
+TEST_P(Loss, BandsHaveTheGradientOfTheWhole) {
+  for (const auto& [h, w] : {std::array<long, 2>{132, 40}, {203, 33}, {97, 11}})
+    for (const SimilarityKind similarity : {SimilarityKind::single_scale, SimilarityKind::none})
+      for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute}) {
+        const auto target = smooth(1, h, w), pictures = noisy(target, 0.4f, 17);
+        const Kind kind{error, similarity};
+        const Result whole = run(pictures, target, h, w, 0.3f, kind),
+                     bands = run(pictures, target, h, w, 0.3f, kind, 1);
+        EXPECT_EQ(bands.gradient, whole.gradient) << h << " x " << w;
+        EXPECT_TRUE(test::close(bands.out, std::vector<double>(whole.out.begin(), whole.out.end()), 1e-6));
+      }
+}
+
+TEST_P(Loss, BandsTakeLessMemory) {
+  const long h = 1200, w = 1000;
+  const auto planned = [&](long band_pixels) {
+    const auto planner = ctx().planner();
+    const Tensor picture = planner->tensor({1, h, w, 3});
+    PictureLoss a{picture, picture, 0.2f, planner->tensor({3}), picture};
+    a.similarity = SimilarityKind::single_scale, a.band_pixels = band_pixels;
+    const std::size_t before = planner->memory().live();
+    picture_loss(*planner, a);
+    return static_cast<double>(planner->memory().peak_live() - before) / static_cast<double>(picture.bytes());
+  };
+  EXPECT_LT(planned(100 * w), 1.6);
+  EXPECT_GT(planned(h * w), 9);
+}
+
 // loss() of the PyTorch specification and autograd, in float64.
 TEST_P(Loss, MatchesPyTorch) {
   struct LossCase {
@@ -145,6 +174,7 @@ TEST_P(Loss, MatchesPyTorch) {
     EXPECT_NEAR(got.out[0], c.loss, 1e-6);
     EXPECT_NEAR(got.out[2], c.similarity, 1e-6);
     std::vector<float> slopes;
+    slopes.reserve(c.at.size());
     double squares = 0;
     for (const std::size_t at : c.at) slopes.push_back(got.gradient[at]);
     for (const float g : got.gradient) squares += static_cast<double>(g) * static_cast<double>(g);
