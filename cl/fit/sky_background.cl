@@ -1,7 +1,8 @@
 // A sky behind a picture: spherical harmonics of degree 4 over directions, seen where transmittance is left.
 //   out = colour + (1 - alpha) sky(d)      sky(d) = 0.5 + sum over k of basis_k(d) sh_k
 // d is the direction of the pixel's centre in the scene's frame. The basis continues that of 3DGS files, in their order
-// and with their signs. The sky is not clamped, so every coefficient has a gradient everywhere.
+// and with their signs. The sky is not clamped, so every coefficient has a gradient everywhere. These kernels are for
+// GPUs; sky_background_cpu.cl has them by rows.
 // ```
 // argument      type   shape   what
 // sh            f32    [25,3]  the sky's coefficients
@@ -9,9 +10,8 @@
 // alpha         f32    [P]     drawn
 // W             int            pixels of a row
 // ```
-#include "common.clh"
+#include "sky_background.clh"
 
-#define BASIS 25
 #define BLOCK 256  // pixels of a work-item in the backward
 
 // The direction of pixel `i`, of length 1.
@@ -22,38 +22,11 @@ static inline float3 direction_of(global const float* restrict camera, int i, in
   return d * rsqrt(dot(d, d));
 }
 
-static inline void sky_basis(float3 d, float* basis) {
-  const float x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z, xy = x * y, yz = y * z, xz = x * z;
-  basis[0] = 0.28209479177387814f;
-  basis[1] = -0.4886025119029199f * y;
-  basis[2] = 0.4886025119029199f * z;
-  basis[3] = -0.4886025119029199f * x;
-  basis[4] = 1.0925484305920792f * xy;
-  basis[5] = -1.0925484305920792f * yz;
-  basis[6] = 0.31539156525252005f * (2.0f * zz - xx - yy);
-  basis[7] = -1.0925484305920792f * xz;
-  basis[8] = 0.5462742152960396f * (xx - yy);
-  basis[9] = -0.5900435899266435f * y * (3.0f * xx - yy);
-  basis[10] = 2.890611442640554f * xy * z;
-  basis[11] = -0.4570457994644658f * y * (4.0f * zz - xx - yy);
-  basis[12] = 0.3731763325901154f * z * (2.0f * zz - 3.0f * (xx + yy));
-  basis[13] = -0.4570457994644658f * x * (4.0f * zz - xx - yy);
-  basis[14] = 1.445305721320277f * z * (xx - yy);
-  basis[15] = -0.5900435899266435f * x * (xx - 3.0f * yy);
-  basis[16] = 2.5033429417967046f * xy * (xx - yy);
-  basis[17] = -1.7701307697799304f * yz * (3.0f * xx - yy);
-  basis[18] = 0.9461746957575601f * xy * (7.0f * zz - 1.0f);
-  basis[19] = -0.6690465435572892f * yz * (7.0f * zz - 3.0f);
-  basis[20] = 0.10578554691520431f * (zz * (35.0f * zz - 30.0f) + 3.0f);
-  basis[21] = -0.6690465435572892f * xz * (7.0f * zz - 3.0f);
-  basis[22] = 0.47308734787878004f * (xx - yy) * (7.0f * zz - 1.0f);
-  basis[23] = -1.7701307697799304f * xz * (xx - 3.0f * yy);
-  basis[24] = 0.6258357354491761f * (xx * (xx - 3.0f * yy) - yy * (3.0f * xx - yy));
-}
+DEFINE_SKY_BASIS(float)
 
 static inline float3 sky_at(global const float* restrict sh, float3 d) {
   float basis[BASIS];
-  sky_basis(d, basis);
+  sky_basis_float(d.x, d.y, d.z, basis);
   float3 sum = 0.5f;
 #pragma unroll
   for (int k = 0; k < BASIS; ++k) sum += basis[k] * vload3(k, sh);
@@ -105,7 +78,8 @@ kernel void sky_background_backward_sh(global const float* restrict camera, glob
   for (int k = 0; k < BASIS; ++k) sums[k] = 0.0f;
   for (int i = begin; i < min(P, begin + BLOCK); ++i) {
     const float by = (1.0f - alpha[i]) * dout[3 * i + channel];
-    sky_basis(direction_of(camera, i, W), basis);
+    const float3 d = direction_of(camera, i, W);
+    sky_basis_float(d.x, d.y, d.z, basis);
 #pragma unroll
     for (int k = 0; k < BASIS; ++k) sums[k] += basis[k] * by;
   }

@@ -22,6 +22,11 @@ void sky_background_forward(Context& ctx, const SkyBackgroundForward& a) {
   d.bind("out", a.out, {"H", "W", "3"});
   const long pixels = d["H"] * d["W"];
   const auto count = static_cast<double>(pixels);
+  if (ctx.flavour() == Flavour::cpu) {
+    ctx.launch({"sky_background_cpu", "sky_background_forward", ""}, items(d["H"], 1), {260 * count, 28 * count}, a.sh,
+               a.camera, a.drawn.colour, a.drawn.alpha, written(a.out), d["W"], d["H"]);
+    return;
+  }
   ctx.launch({"sky_background", "sky_background_forward", ""}, items(pixels), {260 * count, 28 * count}, a.sh, a.camera,
              a.drawn.colour, a.drawn.alpha, written(a.out), d["W"], pixels);
 }
@@ -33,6 +38,13 @@ void sky_background_backward(Context& ctx, const SkyBackgroundBackward& a) {
   d.bind("dsh", a.dsh, {"25", "3"});
   const long pixels = d["H"] * d["W"], blocks = (pixels + kBlock - 1) / kBlock;
   const auto count = static_cast<double>(pixels);
+  if (ctx.flavour() == Flavour::cpu) {
+    const Tensor rows = ctx.tensor({d["H"], 3 * kSkyBasis}, Type::f32, "sky_background.rows");
+    ctx.launch({"sky_background_cpu", "sky_background_backward", ""}, items(d["H"], 1), {500 * count, 28 * count}, a.sh,
+               a.camera, a.drawn.alpha, a.dpicture.colour, written(a.dpicture.alpha), written(rows), d["W"], d["H"]);
+    column_sum(ctx, {rows, a.dsh.reshaped({3 * kSkyBasis})});
+    return;
+  }
   ctx.launch({"sky_background", "sky_background_backward_alpha", ""}, items(pixels), {260 * count, 20 * count}, a.sh,
              a.camera, a.dpicture.colour, written(a.dpicture.alpha), d["W"], pixels);
   const Tensor rows = ctx.tensor({blocks, 3 * kSkyBasis}, Type::f32, "sky_background.rows");
