@@ -86,7 +86,7 @@ TEST(Context, StreamsShareADevice) {
 // write() takes small data along without a wait, also more than it keeps, and before and after large data.
 TEST(Context, WrittenDataMayChangeAtOnce) {
   auto ctx = open_context(Flavour::cpu);
-  constexpr long small = 15000, many = 100;
+  constexpr long small = 15000, many = 100, middle = many / 2;
   const Tensor large = ctx->tensor({4 * small});
   std::vector<Tensor> tensors;
   std::vector<float> data(4 * small);
@@ -94,11 +94,11 @@ TEST(Context, WrittenDataMayChangeAtOnce) {
     std::fill(data.begin(), data.end(), static_cast<float>(i));
     tensors.push_back(ctx->tensor({small}));
     ctx->write(tensors.back(), data.data());
-    if (i == many / 2) ctx->write(large, data.data());
+    if (i == middle) ctx->write(large, data.data());
   }
   std::fill(data.begin(), data.end(), -1.0f);
   for (long i = 0; i < many; ++i) EXPECT_EQ(ctx->read<float>(tensors[i]), std::vector<float>(small, i)) << i;
-  EXPECT_EQ(ctx->read<float>(large), std::vector<float>(4 * small, many / 2));
+  EXPECT_EQ(ctx->read<float>(large), std::vector<float>(4 * small, static_cast<float>(middle)));
 }
 
 TEST(Context, StopsWhatIsToldToStop) {
