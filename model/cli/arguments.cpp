@@ -74,10 +74,6 @@ constexpr CommonName common_names[] = {{"--out", "--output"},
                                        {"--centre", "--center"},
                                        {"--fit", "--crop"}};
 
-bool is_digits(const std::string& text) {
-  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
-}
-
 bool has_option(const CLI::App& app, const std::string& name) { return app.get_option_no_throw(name) != nullptr; }
 
 const CLI::App* subcommand(const CLI::App& app, const std::string& name) {
@@ -92,6 +88,10 @@ bool has_positional(const CLI::App& app) {
 }
 
 }  // namespace
+
+bool is_digits(const std::string& text) {
+  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
 
 double number(const std::string& option, const std::string& text) {
   double value = 0;
@@ -271,8 +271,6 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
   const CLI::App* scope = &app;
   std::vector<std::string> out;
   bool options_end = false;
-  std::string without_value;  // the argument before, if it is an option that needs a value
-  std::string otherwise;      // the value of the option before, if it may have a number and none follows
   for (std::string argument : arguments) {
     const bool is_command = out.empty() || (out.size() == 1 && out[0] == "help");
     const bool is_suite = scope->get_name() == "bench" && !out.back().starts_with("--");
@@ -285,16 +283,6 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
                                     [&](const CommonName& c) { return name == c.name; });
     const bool foreign = !options_end && known != std::end(common_names) && !has_option(*scope, name);
     const std::string here = foreign ? known->here : "";
-    const CLI::Option* option = options_end ? nullptr : scope->get_option_no_throw(here.empty() ? name : here);
-    if (name.starts_with("-") && option && !without_value.empty())
-      throw UsageError(without_value + " has no value: " + name + " follows");
-    const bool needs_value = option && name.starts_with("-") && equals == std::string::npos;
-    if (!otherwise.empty() && !is_digits(argument)) out.back() += "=" + otherwise;
-    const bool is_optional =
-        needs_value && option->get_items_expected_min() == 0 && option->get_items_expected_max() == 1;
-    otherwise = is_optional ? option->get_default_str() : "";
-    without_value =
-        needs_value && option->get_items_expected_min() > 0 ? (foreign ? name + " (" + here + ")" : name) : "";
     if (foreign && here.empty() && has_positional(*scope)) {
       if (equals != std::string::npos) out.push_back(argument.substr(equals + 1));
     } else if (!here.empty() && has_option(*scope, here)) {
@@ -303,7 +291,27 @@ std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vect
       out.push_back(argument);
     }
   }
-  if (!otherwise.empty()) out.back() += "=" + otherwise;
+  return out;
+}
+
+std::vector<std::string> with_values(const CLI::App& app, const std::vector<std::string>& arguments) {
+  const CLI::App* scope = &app;
+  std::vector<std::string> out;
+  const CLI::Option* before = nullptr;  // the option whose value may come now
+  for (const std::string& argument : arguments) {
+    if (argument == "--") before = nullptr, scope = nullptr;
+    const bool is_name = scope && argument.starts_with("-");
+    const std::size_t equals = argument.find('=');
+    const CLI::Option* option = is_name ? scope->get_option_no_throw(argument.substr(0, equals)) : nullptr;
+    if (before && before->get_items_expected_min() > 0 && option)
+      throw UsageError(out.back() + " has no value: " + argument.substr(0, equals) + " follows");
+    if (before && before->get_items_expected_min() == 0 && !is_digits(argument))
+      out.back() += "=" + before->get_default_str();
+    before = option && equals == std::string::npos && option->get_items_expected_max() > 0 ? option : nullptr;
+    if (const CLI::App* sub = scope && !is_name ? subcommand(*scope, argument) : nullptr) scope = sub;
+    out.push_back(argument);
+  }
+  if (before && before->get_items_expected_min() == 0) out.back() += "=" + before->get_default_str();
   return out;
 }
 

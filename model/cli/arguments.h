@@ -9,6 +9,9 @@
 
 namespace command {
 
+// Whether it is a whole number without a sign.
+bool is_digits(const std::string& text);
+
 double number(const std::string& option, const std::string& text);
 // A length or a distance: above zero, and within the range of the device's floats. `what` names it in the error.
 double positive_number(const std::string& option, const std::string& text, const std::string& what);
@@ -56,9 +59,12 @@ std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arg
 
 // Replaces earlier names ("refine", "--fit") and other programs' names of options ("--out", "--iterations") by those of
 // this command, and drops "--input" before an argument that is positional here. Options are replaced only where the
-// sub-command lacks the foreign name and has its own. UsageError if an option stands where the value of the one before
-// is expected: CLI11 would take it for the value.
+// sub-command lacks the foreign name and has its own.
 std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vector<std::string>& arguments);
+
+// UsageError if an option stands where the value of the one before is expected: CLI11 would take it for the value. An
+// option that may have a number ("--live") gets its default if another word follows.
+std::vector<std::string> with_values(const CLI::App& app, const std::vector<std::string>& arguments);
 
 // UsageError for an empty value: most likely a script's variable that is not set, which must not count as "not given".
 void refuse_empty_values(const std::vector<std::string>& arguments);

@@ -51,7 +51,7 @@ int carry_out(CLI::App& app, const Run& run, const std::vector<std::string>& giv
     // CLI11 takes the arguments in reverse order, without the program's name.
     std::vector<std::string> arguments = given;
     refuse_empty_values(arguments);
-    arguments = with_names_of_here(app, with_joined_numbers(arguments));
+    arguments = with_values(app, with_names_of_here(app, with_joined_numbers(arguments)));
     if (arguments.empty()) arguments = {"--help"};
     std::reverse(arguments.begin(), arguments.end());
     app.parse(std::move(arguments));

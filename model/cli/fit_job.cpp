@@ -85,29 +85,28 @@ std::string log_text(const FitPage& page, double psnr_cc) {
   return out;
 }
 
-// 4 x |difference|, in `colour` only.
-vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given) {
+// 4 x |difference|, in `colour` only, and how alike they are.
+vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given, vsplat_comparison& scores) {
   vsplat::Picture out = given;
-  vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
   vsplat::check(
-      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &unused, out.colour.data()));
+      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &scores, out.colour.data()));
   for (float& v : out.colour) v = std::min(4 * v, 1.0f);
   return out;
 }
 
-// Adds photograph, drawing and difference to a picture of the page.
-void show(const vsplat_measured& from, FittedPicture& to) {
-  const auto picture_of = [&](const float* values) {
-    vsplat::Picture out;
-    out.width = from.width, out.height = from.height;
-    out.colour.assign(values,
-                      values + 3 * static_cast<std::size_t>(from.width) * static_cast<std::size_t>(from.height));
-    return out;
-  };
-  const vsplat::Picture given = picture_of(from.given), drawn = picture_of(from.drawn);
-  to.given = picture_uri(given);
-  to.drawn = picture_uri(drawn);
-  to.difference = picture_uri(difference_of(drawn, given));
+// A picture of the page.
+FittedPicture shown_picture(const std::string& name, const vsplat::Picture& given, const vsplat::Picture& drawn) {
+  vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
+  const vsplat::Picture difference = difference_of(drawn, given, scores);
+  return {
+      name, scores.psnr, scores.psnr_cc, scores.ssim, picture_uri(given), picture_uri(drawn), picture_uri(difference)};
+}
+
+vsplat::Picture picture_of(const vsplat_measured& from, const float* values) {
+  vsplat::Picture out;
+  out.width = from.width, out.height = from.height;
+  out.colour.assign(values, values + 3 * static_cast<std::size_t>(from.width) * static_cast<std::size_t>(from.height));
+  return out;
 }
 
 std::string pictures_text(std::size_t count) { return std::to_string(count) + (count == 1 ? " picture" : " pictures"); }
@@ -268,9 +267,13 @@ void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vspla
   if (sky_ && result_.returned) std::fill_n(how.background, 3, 0.5f);  // the sky that the start was measured before
   const vsplat_measured mean =
       vsplat::measure(session.device(), scene, views, how, [&](const vsplat_measured& picture) {
-        page_.pictures.push_back({views.name(static_cast<std::size_t>(picture.view)), picture.psnr, picture.psnr_cc,
-                                  picture.ssim, "", "", ""});
-        if (!page_path_.empty() && page_.pictures.size() <= most_rows) show(picture, page_.pictures.back());
+        FittedPicture shown;
+        if (!page_path_.empty() && page_.pictures.size() < most_rows)
+          shown = shown_picture("", picture_of(picture, picture.given), picture_of(picture, picture.drawn));
+        shown.name = views.name(static_cast<std::size_t>(picture.view));
+        shown.psnr = picture.psnr, shown.psnr_cc = picture.psnr_cc,
+        shown.ssim = picture.ssim;  // without what is masked
+        page_.pictures.push_back(std::move(shown));
         return true;
       });
   if (are_held_out) psnr_cc_ = mean.psnr_cc;
@@ -332,11 +335,10 @@ void FitJob::write_page(const Session& session, Outputs& outputs) {
 
 void FitJob::begin_live(const Common& common, const vsplat::Fit& fit, const vsplat::Views& views) {
   if (live_port_.empty()) return;
-  live_ = std::make_unique<LiveFit>(common, live_port_, page_.scene);
   std::vector<PageCamera> cameras;
   for (const std::int32_t view : fit.views(VSPLAT_FIT_USED))
     cameras.push_back({views.name(static_cast<std::size_t>(view)), fit.camera(static_cast<std::size_t>(view))});
-  live_->set_cameras(std::move(cameras));
+  live_ = std::make_unique<LiveFit>(common, live_port_, page_.scene, std::move(cameras));
 }
 
 // The best scene so far, and a few pictures beside their drawings. The fit goes on if this fails.
@@ -350,15 +352,14 @@ void FitJob::show_live(const Session& session, const vsplat::Fit& fit, const vsp
   page.about_pictures =
       shown.empty() ? "None is held out: the scene is fitted to these." : "Held out: no step is fitted to them.";
   if (shown.empty()) shown = fit.views(VSPLAT_FIT_USED);
+  vsplat_render_options drawing = VSPLAT_RENDER_OPTIONS_INIT;
+  const vsplat_fit_result so_far = fit.result();
+  std::copy(std::begin(so_far.background), std::end(so_far.background), drawing.background);
   const std::size_t rows = std::min(shown.size(), most_pictures);
   for (std::size_t row = 0; row < rows; ++row) {
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
-    const vsplat::Picture given = fit.picture(view), drawn = vsplat::render(session.device(), scene, fit.camera(view));
-    vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
-    vsplat::check(
-        vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &scores, nullptr));
-    page.pictures.push_back({views.name(view), scores.psnr, scores.psnr_cc, scores.ssim, picture_uri(given),
-                             picture_uri(drawn), picture_uri(difference_of(drawn, given))});
+    page.pictures.push_back(shown_picture(views.name(view), fit.picture(view),
+                                          vsplat::render(session.device(), scene, fit.camera(view), drawing)));
   }
   live_->show(scene, page, begun);
 } catch (const std::exception& e) {
@@ -406,7 +407,8 @@ void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::
     vsplat::Picture given = fit.picture(view);
     vsplat::Picture before = vsplat::render(session.device(), start_, camera, drawing);
     vsplat::Picture after = vsplat::render(session.device(), scene, camera, drawing);
-    vsplat::Picture off = difference_of(after, given);
+    vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
+    vsplat::Picture off = difference_of(after, given, unused);
     vsplat::Sheet cells = sheet;
     for (vsplat::Picture* cell : {&given, &before, &after, &off}) cells.add(*cell);
   }

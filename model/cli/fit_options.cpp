@@ -9,13 +9,9 @@
 namespace command {
 namespace {
 
-bool is_number(const std::string& text) {
-  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
-}
-
 // A number from 1 up; `also` names what else is accepted.
 std::int64_t count_of(const std::string& option, const std::string& text, const std::string& also) {
-  const std::uint64_t value = is_number(text) && text.size() < 11 ? std::stoull(text) : 0;
+  const std::uint64_t value = is_digits(text) && text.size() < 11 ? std::stoull(text) : 0;
   if (value < 1 || value > INT32_MAX)
     throw UsageError(option + " is \"" + text + "\": " + also + "a whole number from 1 up expected");
   return static_cast<std::int64_t>(value);
@@ -87,7 +83,7 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names)
     options.longest = static_cast<std::int32_t>(count_of(names.size, o.size, "full or "));
   if (o.holdout == "none") {
     options.holdout = VSPLAT_HOLDOUT_NONE;
-  } else if (is_number(o.holdout)) {
+  } else if (is_digits(o.holdout)) {
     options.holdout = VSPLAT_HOLDOUT_COUNT;
     options.holdout_count = static_cast<std::int32_t>(count_of("--holdout", o.holdout, "auto, none, names or "));
   } else if (!o.holdout.empty() && o.holdout != "auto") {

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "arguments.h"
 #include "scene_page.h"
 
 namespace command {
@@ -18,9 +19,7 @@ constexpr int ports_tried = 20, most_port = 65535;
 const char* const html = "text/html; charset=utf-8";
 
 int port_of(const std::string& text) {
-  const bool is_number = !text.empty() && text.size() < 6 &&
-                         std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
-  const int port = is_number ? std::stoi(text) : 0;
+  const int port = is_digits(text) && text.size() < 6 ? std::stoi(text) : 0;
   if (port < 1 || port > most_port)
     throw UsageError("--live is \"" + text + "\": a port expected, a whole number from 1 to " +
                      std::to_string(most_port));
@@ -29,7 +28,8 @@ int port_of(const std::string& text) {
 
 }  // namespace
 
-LiveFit::LiveFit(const Common& common, const std::string& port, std::string title) : title_(std::move(title)) {
+LiveFit::LiveFit(const Common& common, const std::string& port, std::string title, std::vector<PageCamera> cameras)
+    : title_(std::move(title)), cameras_(std::move(cameras)) {
   const bool any = port == "auto";
   const int first = any ? first_live_port : port_of(port);
   std::error_code error;
@@ -45,8 +45,6 @@ LiveFit::LiveFit(const Common& common, const std::string& port, std::string titl
         (any ? ", nor is one of the next " + std::to_string(ports_tried - 1) + " ports free" : ": give another port"));
   say(common, address + " shows the fit while it runs");
 }
-
-void LiveFit::set_cameras(std::vector<PageCamera> cameras) { cameras_ = std::move(cameras); }
 
 void LiveFit::at(const std::string& text, double share) {
   const std::lock_guard lock(mutex_);
@@ -90,8 +88,7 @@ vsplat::sys::HttpAnswer LiveFit::answer(const std::string& path) {
   if (path == "/fit.html") return {html, fit_page_};
   if (path == "/scene.spz") return {"application/octet-stream", scene_};
   if (path != "/state.json") return {};
-  const nlohmann::ordered_json state = {
-      {"title", title_}, {"text", text_}, {"share", share_}, {"scene", version_}, {"page", version_}};
+  const nlohmann::ordered_json state = {{"title", title_}, {"text", text_}, {"share", share_}, {"version", version_}};
   return {"application/json",
           std::make_shared<const std::string>(state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace))};
 }

@@ -21,11 +21,9 @@ inline constexpr int first_live_port = 7007;
 class LiveFit {
  public:
   // `port` of --live: "auto", or a number; UsageError for anything else. Throws if the port is another program's. Says
-  // where the page is.
-  LiveFit(const Common& common, const std::string& port, std::string title);
+  // where the page is. `cameras` are shown beside the scene.
+  LiveFit(const Common& common, const std::string& port, std::string title, std::vector<PageCamera> cameras);
 
-  // What the scene's page shows besides the scene.
-  void set_cameras(std::vector<PageCamera> cameras);
   // After each step: the progress line, and the share of the steps that are done.
   void at(const std::string& text, double share);
   // Whether a browser waits for a newer scene, which the fit may take the time to give.
@@ -43,7 +41,7 @@ class LiveFit {
   std::mutex mutex_;                  // of what follows
   std::string text_ = "reading pictures";
   double share_ = 0;
-  int version_ = 0;
+  int version_ = 0;  // of the scene and the page; 0: there is none yet
   std::shared_ptr<const std::string> scene_page_, scene_, fit_page_;
   std::unique_ptr<vsplat::sys::HttpServer> server_;  // ends before what it reads
 };

@@ -49,7 +49,7 @@ class LiveCase(fit_case.FitCase):
     def after(self, port, version):
         """The state with a newer scene than that."""
         until = time.monotonic() + support.PATIENCE
-        while (state := self.state(port))["scene"] <= version:
+        while (state := self.state(port))["version"] <= version:
             self.assertLess(time.monotonic(), until, state)
             time.sleep(0.2)
         return state
@@ -73,12 +73,19 @@ class Live(LiveCase):
         page = self.get(port, "/fit.html")[2].decode()
         self.assertEqual((page.count("<svg"), page.count("data:image/jpeg")), (4, 3))
         self.assertIn("when this page was made", page)
-        second = self.after(port, first["scene"])
+        second = self.after(port, first["version"])
         self.assertGreater(second["share"], first["share"])
         self.assertNotEqual(self.get(port, "/scene.spz")[2], scene)
         self.end(process)
         with self.assertRaises(OSError):
             self.state(port)
+
+    def test_drawings_are_over_the_background_of_the_photographs(self):
+        process, port = self.begin("--live", "--background", "black")
+        self.after(port, 0)
+        shown = float(re.search(r"([0-9.]+) dB, psnr_cc", self.get(port, "/fit.html")[2].decode()).group(1))
+        self.assertGreater(shown, 12)  # 1 dB if the drawing is over white
+        self.end(process)
 
     def test_to_whom(self):
         process, port = self.begin("--live")
@@ -131,12 +138,12 @@ class InTheBrowser(LiveCase):
         process, port = self.begin("--live")
         with browser.Browser((1200, 800)) as shown:
             shown.send("Page.navigate", url=f"http://127.0.0.1:{port}/")
-            shown.wait_for("window.live && live.shown.scene > 0 && live.shown.page > 0")
-            first = shown.evaluate("live.shown.scene")
+            shown.wait_for("window.live && live.shown.version > 0")
+            first = shown.evaluate("live.shown.version")
             inside = "live.viewer().contentWindow.vsplat"
             before = shown.evaluate(f"{inside}.pose()")
             shown.screenshot(self.path("first.png"))
-            shown.wait_for(f"live.shown.scene > {first}")
+            shown.wait_for(f"live.shown.version > {first}")
             self.assertEqual(shown.evaluate(f"{inside}.pose()"), before)  # the view stays
             shown.screenshot(self.path("second.png"))
             self.assertEqual(shown.problems, [])

@@ -119,7 +119,7 @@ class Usage(support.Case):
         self.refuses(2, "--center", *self.reconstruct("--center", ""))      # not as if it were not given
         self.refuses(2, "--views", *self.reconstruct("--views", "", "--quiet"))
         self.refuses(2, "--model has no value: --output follows", "reconstruct", self.views, "--model", "--output", self.path("x.ply"))
-        self.refuses(2, "--fit (--crop) has no value: -o follows", "reconstruct", self.views, "--fit", "-o", self.path("x.ply"))
+        self.refuses(2, "--crop has no value: -o follows", "reconstruct", self.views, "--fit", "-o", self.path("x.ply"))
         self.refuses(2, "--time needs --refine", "reconstruct", self.views, "--time", 30, "--output", self.path("x.ply"))
         self.refuses(2, "--model= has no value", "reconstruct", self.views, "--model=", "--output", self.path("x.ply"))
         self.refuses(2, "is empty", "", "x")
