@@ -13,6 +13,7 @@ import support
 PARTS = ("device_s", "upload_s", "compile_s", "file_s", "wait_s", "host_s", "other_s")
 # In addition to 2 % of the wall time: starting and ending the process, which its own clock does not see.
 OUTSIDE = 1.5 if "ASAN_OPTIONS" in os.environ else 0.15  # a sanitizer searches for leaks at the end
+TRIES = 5  # A loaded machine may let a process wait before its start. A part that the profile leaves out is missing every time.
 
 
 class Profile(support.Case):
@@ -38,7 +39,6 @@ class Profile(support.Case):
     def holds(self, profile, outside):
         wall = profile["wall_s"]
         self.assertLessEqual(wall, outside)
-        self.assertGreaterEqual(wall + profile["peaks"]["measuring_s"], 0.98 * outside - OUTSIDE)
         self.assertAlmostEqual(sum(profile["wall"][part] for part in PARTS), wall, delta=1e-6)
         self.assertAlmostEqual(sum(stage["wall_s"] for stage in profile["stages"]), wall, delta=1e-6)
         for part in PARTS:
@@ -51,15 +51,25 @@ class Profile(support.Case):
             self.assertEqual(sum(variant["calls"] for variant in kernel["launches"]), kernel["calls"])
             self.assertEqual(sum(variant["total_ns"] for variant in kernel["launches"]), kernel["total_ns"])
 
+    def unseen(self, profile, outside):
+        """Seconds of the process's life that its profile does not account for, above what is allowed."""
+        return 0.98 * outside - OUTSIDE - profile["wall_s"] - profile["peaks"]["measuring_s"]
+
     def test_cold_and_warm(self):
         env = self.cold()
         cold, outside = self.run_timed("cold.json", env)
         self.holds(cold, outside)
         self.assertGreater(cold["wall"]["compile_s"], 0.3 * cold["wall_s"])
         self.assertGreater(cold["peaks"]["measuring_s"], 0)
+        unseen = [self.unseen(cold, outside)]
+        self.assertLess(unseen[0], 0.1 * outside)
         warm, outside = self.run_timed("warm.json", env)
         self.assertEqual(warm["peaks"]["measured"], cold["peaks"]["measured"])
         self.holds(warm, outside)
+        unseen.append(self.unseen(warm, outside))
+        while min(unseen) > 0 and len(unseen) < TRIES:
+            unseen.append(self.unseen(*self.run_timed("warm.json", env)))
+        self.assertLessEqual(min(unseen), 0, unseen)
         self.assertLess(warm["wall_s"], cold["wall_s"])
         self.assertLess(warm["wall"]["compile_s"], cold["wall"]["compile_s"])
         out, _ = self.succeeds("profile", "diff", self.path("cold.json"), self.path("warm.json"))
