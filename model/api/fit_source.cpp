@@ -75,7 +75,7 @@ PlacedObject place(const Photographs& photographs, const InputRequest& input, co
   std::vector<Camera> cameras;
   cameras.reserve(used.size());
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
-  warn_of_one_place(set.source.string(), cameras);
+  warn_of_unlikely_cameras(set.source.string(), cameras);
   check_centre_is_seen(cameras, set.convention, chosen, input.force || scene);
   std::vector<double> distances;
   distances.reserve(cameras.size());

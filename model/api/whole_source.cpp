@@ -78,7 +78,7 @@ FitSource whole_source(const Photographs& photographs, const vsplat_fit_options&
   start.frame = scene_frame(cameras, start.points);
   if (o.near_plane > 0) start.frame.near = o.near_plane;
   info("{}", start.frame.found);
-  warn_of_one_place(photographs.set.source.string(), cameras);
+  warn_of_unlikely_cameras(photographs.set.source.string(), cameras);
   if (const std::string text = cut_by_near(cameras, start.points, start.frame.near); !text.empty()) warn("{}", text);
   out.whole = true;
   out.start.placement = start.frame.placement;

@@ -103,7 +103,7 @@ Input prepare_input(const Photographs& photographs, const TakenViews& taken, con
   }
   info("views: {}", names);
   const std::string set = photographs.set.source.string();
-  warn_of_one_place(set, cameras);
+  warn_of_unlikely_cameras(set, cameras);
   std::vector<MaskShares> masks;
   for (std::optional<LoadedPhotograph>& view : loaded)
     if (const std::optional<MaskShares> shares = view->shares()) masks.push_back(*shares);

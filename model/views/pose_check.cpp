@@ -126,6 +126,45 @@ double degrees_off(std::span<const Camera> cameras) {
   return is_among_them ? 180 : sum / static_cast<double>(cameras.size()) * 180 / M_PI;
 }
 
+void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) {
+  if (cameras.size() < 2) return;
+  double apart = 0, turned = 0, far = 0;
+  for (const Camera& c : cameras) {
+    apart = std::max(apart, (c.centre() - cameras[0].centre()).norm());
+    turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
+    far = std::max(far, c.centre().norm());
+  }
+  // A thousandth of the distance is a pixel of parallax in a picture of a thousand. In the coordinates of a map, where
+  // the distance from the origin tells nothing, the tolerance only covers rounding.
+  constexpr double map = 1e4, parallax = 1e-3, rounding = 1e-9;
+  if (apart > (far < map ? parallax : rounding) * std::max(far, rounding)) return;
+  if (turned < parallax)
+    warn(
+        "{}: all {} views have nearly the same pose, so distances cannot be found. If an object turned in front of a "
+        "fixed "
+        "camera, the poses must be those of the camera relative to the object: COLMAP finds them if masks or a plain "
+        "background hide what did not turn",
+        set, cameras.size());
+  else
+    warn(
+        "{}: all {} cameras are nearly at one place and only turned, so distances cannot be found: pictures from "
+        "several "
+        "places are needed",
+        set, cameras.size());
+}
+
+// A principal point outside the picture is what a crop far off the middle has, too, so it is no error.
+void warn_of_principal_points(const std::string& set, std::span<const Camera> cameras) {
+  const auto is_outside = [](const Camera& c) { return c.cx < 0 || c.cy < 0 || c.cx > c.width || c.cy > c.height; };
+  const auto first = std::find_if(cameras.begin(), cameras.end(), is_outside);
+  if (first == cameras.end()) return;
+  warn(
+      "{}: the principal point (cx, cy) of {} of {} views lies outside the picture; the first: {} has ({:.6g}, {:.6g}) "
+      "in a picture of {} x {}. Unless the pictures are crops, correct the file: the values are in pixels",
+      set, std::count_if(first, cameras.end(), is_outside), cameras.size(), first->file, first->cx, first->cy,
+      first->width, first->height);
+}
+
 }  // namespace
 
 std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Eigen::Vector3d& point) {
@@ -194,31 +233,9 @@ std::string poses_that_meet(std::span<const Camera> cameras, PoseConvention conv
       cameras.size(), as_listed, least, swaps);
 }
 
-void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) {
-  if (cameras.size() < 2) return;
-  double apart = 0, turned = 0, far = 0;
-  for (const Camera& c : cameras) {
-    apart = std::max(apart, (c.centre() - cameras[0].centre()).norm());
-    turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
-    far = std::max(far, c.centre().norm());
-  }
-  // A thousandth of the distance is a pixel of parallax in a picture of a thousand. In the coordinates of a map, where
-  // the distance from the origin tells nothing, the tolerance only covers rounding.
-  constexpr double map = 1e4, parallax = 1e-3, rounding = 1e-9;
-  if (apart > (far < map ? parallax : rounding) * std::max(far, rounding)) return;
-  if (turned < parallax)
-    warn(
-        "{}: all {} views have nearly the same pose, so distances cannot be found. If an object turned in front of a "
-        "fixed "
-        "camera, the poses must be those of the camera relative to the object: COLMAP finds them if masks or a plain "
-        "background hide what did not turn",
-        set, cameras.size());
-  else
-    warn(
-        "{}: all {} cameras are nearly at one place and only turned, so distances cannot be found: pictures from "
-        "several "
-        "places are needed",
-        set, cameras.size());
+void warn_of_unlikely_cameras(const std::string& set, std::span<const Camera> cameras) {
+  warn_of_one_place(set, cameras);
+  warn_of_principal_points(set, cameras);
 }
 
 void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement) {

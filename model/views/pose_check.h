@@ -24,9 +24,9 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
 // if there is no such swap, or if they look at one point as they are.
 std::string poses_that_meet(std::span<const Camera> cameras, PoseConvention convention);
 
-// Logs a warning if several cameras are all at one place, since distances cannot be known then. `set` begins the
-// message.
-void warn_of_one_place(const std::string& set, std::span<const Camera> cameras);
+// Logs a warning if several cameras are all at one place, since distances cannot be known then, and if principal points
+// lie outside their pictures. `set` begins the message.
+void warn_of_unlikely_cameras(const std::string& set, std::span<const Camera> cameras);
 
 // Cameras in the object's frame. Error(input) if a corner of the cube [-0.5,0.5]^3 is not in front of every camera.
 void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement);

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "runtime/precision.h"
 #include "runtime/printable.h"
 #include "runtime/system/environment.h"
 #include "runtime/system/system.h"
@@ -40,6 +41,15 @@ std::vector<VariableProblem> environment_problems() {
     const std::string found = value(words.name);
     if (!found.empty() && std::find(words.allowed.begin(), words.allowed.end(), found) == words.allowed.end())
       refuse(words.name, fmt::format("{}", fmt::join(words.allowed, ", ")));
+  }
+  std::string units = value("VSPLAT_MATRIX");
+  while (!units.empty()) {
+    const std::string unit = units.substr(0, units.find(','));
+    if (std::none_of(kMatrixUnits.begin(), kMatrixUnits.end(), [&](MatrixUnit u) { return unit == name_of(u); })) {
+      refuse("VSPLAT_MATRIX", "a comma-separated list of emulated, ptx, dpas, wmma, mfma, avx512bf16");
+      break;
+    }
+    units.erase(0, unit.size() + 1);
   }
   // PoCL ends the process if it does not understand a variable of its own, or goes on without it.
   for (const char* name : {"POCL_CPU_LOCAL_MEM_SIZE", "POCL_CPU_MAX_CU_COUNT", "POCL_MAX_COMPUTE_UNITS",

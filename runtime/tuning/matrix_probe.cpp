@@ -154,16 +154,11 @@ std::vector<MatrixUnit> units_to_try(const DeviceInfo& device) {
   for (std::size_t from = 0; from <= named.size();) {
     const std::size_t end = std::min(named.find(',', from), named.size());
     const std::string name = named.substr(from, end - from);
-    bool known = false;
-    for (const MatrixUnit unit : kMatrixUnits)
-      if (name == name_of(unit)) {
-        known = true;
-        refuse_absent(device, unit);
-        if (unit != MatrixUnit::emulated) out.push_back(unit);
-      }
-    if (!known)
-      fail(Status::usage, "VSPLAT_MATRIX={}: \"{}\" is none of emulated, ptx, dpas, wmma, mfma and avx512bf16",
-           printable(named), printable(name));
+    for (const MatrixUnit unit : kMatrixUnits) {
+      if (name != name_of(unit)) continue;
+      refuse_absent(device, unit);
+      if (unit != MatrixUnit::emulated) out.push_back(unit);
+    }
     from = end + 1;
   }
   return out;

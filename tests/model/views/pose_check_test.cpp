@@ -132,28 +132,40 @@ TEST(PoseCheck, WarnsWhereAxesMeetBadlyAndOtherPosesWell) {
 TEST(PoseCheck, OnePlaceIsToldOfFarFromTheOriginToo) {
   test::Warnings warnings;
   const Vector3d far(482345.125, 5456789.5, 212.75);
-  warn_of_one_place("set", test::ring(4, far));
-  warn_of_one_place("set", test::ring(4));
-  warn_of_one_place("set", test::ring(4, Vector3d(0, 0, 300)));
+  warn_of_unlikely_cameras("set", test::ring(4, far));
+  warn_of_unlikely_cameras("set", test::ring(4));
+  warn_of_unlikely_cameras("set", test::ring(4, Vector3d(0, 0, 300)));
   EXPECT_EQ(warnings.text(), "") << "a ring of two units";
   for (const double apart : {1e-9, 1e-6, 1e-3}) {
     std::vector<Camera> cameras(4, test::ring(1)[0]);
     for (std::size_t i = 0; i < cameras.size(); ++i) cameras[i].w2c(0, 3) += apart * static_cast<double>(i) / 3;
     warnings.all.clear();
-    warn_of_one_place("set", cameras);
+    warn_of_unlikely_cameras("set", cameras);
     EXPECT_NE(warnings.text().find("nearly the same pose"), std::string::npos) << apart;
   }
   for (const Vector3d& at : {far, Vector3d(0, 0, 0), Vector3d(0, 2e-6, 0)}) {
     std::vector<Camera> cameras = test::ring(4, at);
     for (Camera& c : cameras) c.w2c.topRightCorner<3, 1>() = -c.w2c.topLeftCorner<3, 3>() * at;
     warnings.all.clear();
-    warn_of_one_place("set", cameras);
+    warn_of_unlikely_cameras("set", cameras);
     EXPECT_NE(warnings.text().find("at one place"), std::string::npos) << at;
     for (Camera& c : cameras) c.w2c = cameras[0].w2c;
     warnings.all.clear();
-    warn_of_one_place("set", cameras);
+    warn_of_unlikely_cameras("set", cameras);
     EXPECT_NE(warnings.text().find("the same pose"), std::string::npos) << at;
   }
+}
+
+TEST(PoseCheck, PrincipalPointsOutsideThePicture) {
+  std::vector<Camera> cameras = test::ring(4);
+  cameras[0].cx = 0, cameras[0].cy = cameras[0].height;  // at its border
+  test::Warnings warnings;
+  warn_of_unlikely_cameras("set", cameras);
+  EXPECT_EQ(warnings.text(), "");
+  cameras[1].cx = -1;
+  cameras[2].cy = cameras[2].height + 0.5;
+  warn_of_unlikely_cameras("set", cameras);
+  EXPECT_NE(warnings.text().find("of 2 of 4 views lies outside the picture"), std::string::npos) << warnings.text();
 }
 
 TEST(PoseCheck, NamesNoSwapWhereNoneHelps) {

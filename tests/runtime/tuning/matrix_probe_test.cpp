@@ -142,9 +142,13 @@ TEST(MatrixProbe, LeavesOutWhatDoesNotCompileAndRemembersIt) {
   EXPECT_EQ(kept(), 1u);
 }
 
-TEST(MatrixProbe, RefusesUnknownNames) {
-  const test::Variable units("VSPLAT_MATRIX", "ptx,tensor");
-  EXPECT_THROW(choose_matrix_unit(test::context(Flavour::gpu).device(), "auto", {}), Error);
+TEST(MatrixProbe, UnknownNamesAreRefusedInAnyPrecision) {
+  for (const char* names : {"ptx,tensor", "tensor", "ptx,,emulated"}) {
+    const test::Variable units("VSPLAT_MATRIX", names);
+    EXPECT_THROW(list_devices(), Error) << names;
+  }
+  const test::Variable units("VSPLAT_MATRIX", "ptx,avx512bf16,emulated");
+  EXPECT_NO_THROW(list_devices());
 }
 
 }  // namespace
