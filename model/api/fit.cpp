@@ -298,6 +298,16 @@ vsplat_status vsplat_fit_get_settings(vsplat_fit fit, char** out_text) {
   });
 }
 
+vsplat_status vsplat_fit_get_plan(vsplat_fit fit, vsplat_plan* out_plan) {
+  return guarded([&] {
+    const SceneFit& scene_fit = scene_fit_of(fit);
+    const DeviceUse use(fit->device.get());
+    need_room(out_plan, "out_plan");
+    const FitRoom& room = scene_fit.memory();
+    give(out_plan, plan_of(fit->device.get()->context, room.fit.stages, room.fit.peak, true, room.host), "out_plan");
+  });
+}
+
 vsplat_status vsplat_fit_get_views(vsplat_fit fit, vsplat_fit_views which, int32_t* out_views, size_t capacity,
                                    size_t* out_count) {
   return guarded([&] {
@@ -379,10 +389,7 @@ vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t 
     FitMemory memory;
     const bool fits =
         fits_within([&] { memory = plan_fit(ctx, blank_gaussians(1, sh_degree), 0.2f, options, camera); });
-    // Host memory: the start, the best scene and the one being written, and two pictures in bytes, the one in use and
-    // the next.
-    const double each = 11.0 + 3.0 * (sh_degree + 1) * (sh_degree + 1);
-    const double host = 3.0 * sizeof(float) * each * static_cast<double>(gaussians) + 2.0 * 4.0 * width * height;
+    const double host = fit_host_bytes(static_cast<long>(gaussians), sh_degree, camera);
     give(out_plan, plan_of(ctx, memory.stages, memory.peak, fits, host), "out_plan");
   });
 }

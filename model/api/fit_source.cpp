@@ -51,13 +51,6 @@ Placement cube_of(const Scene& scene) {
   return out;
 }
 
-// An object's cube, and what limits it.
-struct PlacedObject {
-  Placement cube;
-  // The smallest and the median distance of a camera from the cube's centre.
-  double nearest = 0, usual = 0;
-};
-
 PlacedObject place(const Photographs& photographs, const InputRequest& input, const Scene* scene,
                    const std::vector<int>& used, const std::vector<ColoredPoint>* points = nullptr) {
   const ViewSet& set = photographs.set;
@@ -211,19 +204,15 @@ FitSource object_source(vsplat_device device, const Photographs& photographs, co
       out.make = [scene](const std::vector<int>&) { return *scene; };
       return made;
     }
-    case VSPLAT_FIT_NETWORK:
-      need(o.model, "options.model");
-      {
-        const PlacedObject placed = place(photographs, input, nullptr, used);
-        frame_by(placed, made);
-        std::vector<int> inputs =
-            inputs_of(photographs.set, input, used, view_count(input, vsplat_file(o.model).config));
-        if (!input.names.empty()) made.named = inputs;
-        out.make = Prediction(device, photographs, o, input, placed.cube, std::move(inputs), made.selected);
-      }
+    case VSPLAT_FIT_NETWORK: {
+      NetworkObject object = network_object(device, photographs, o, input, used, made.selected);
+      frame_by(object.placed, made);
+      made.named = std::move(object.named);
+      out.make = std::move(object.make);
       out.independent = true;
       out.dense = true;
       return made;
+    }
     case VSPLAT_FIT_POINTS: {
       const std::vector<ColoredPoint> points = points_of(photographs);
       const PlacedObject placed = place(photographs, input, nullptr, used, &points);
@@ -247,6 +236,17 @@ FitSource object_source(vsplat_device device, const Photographs& photographs, co
 
 }  // namespace
 
+NetworkObject network_object(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
+                             const InputRequest& input, const std::vector<int>& used,
+                             std::shared_ptr<std::vector<int>> selected) {
+  need(o.model, "options.model");
+  NetworkObject out{place(photographs, input, nullptr, used), {}, {}};
+  std::vector<int> inputs = inputs_of(photographs.set, input, used, view_count(input, vsplat_file(o.model).config));
+  if (!input.names.empty()) out.named = inputs;
+  out.make = Prediction(device, photographs, o, input, out.placed.cube, std::move(inputs), std::move(selected));
+  return out;
+}
+
 std::vector<ColoredPoint> points_of(const Photographs& photographs) {
   if (std::optional<ListedPoints> found = listed_points(photographs.set)) return std::move(found->points);
   return read_colmap_points(photographs.set.source);  // its error says where it searched
@@ -258,7 +258,7 @@ FitSource fit_source(vsplat_device device, const Photographs& photographs, const
     fail(Status::usage, "options.start is {}, not a value of vsplat_fit_start", value_of(o.start));
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
-  FitSource out = is_whole(photographs, o, input, used) ? whole_source(photographs, o, used, longest)
+  FitSource out = is_whole(photographs, o, input, used) ? whole_source(device, photographs, o, input, used, longest)
                                                         : object_source(device, photographs, o, input, used);
   // A scene without an up direction gets the cameras' one; a distant scene gets an offset, since floats would not hold
   // its positions.

@@ -1,5 +1,6 @@
 // What a fit starts from.
 #pragma once
+#include <functional>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -7,6 +8,7 @@
 #include "model/api/handle.h"
 #include "model/fit/scene_fit.h"
 #include "model/io/views/colmap_points.h"
+#include "model/views/input.h"
 
 namespace vsplat::api {
 
@@ -18,6 +20,25 @@ struct FitSource {
   std::vector<int> named;                                          // views requested for the network
   std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, from its last run
 };
+
+// An object's cube, and what limits it.
+struct PlacedObject {
+  Placement cube;
+  // The smallest and the median distance of a camera from the cube's centre.
+  double nearest = 0, usual = 0;
+};
+
+// The object that the network makes in its cube.
+struct NetworkObject {
+  PlacedObject placed;
+  std::vector<int> named;  // views requested for the network
+  std::function<Scene(const std::vector<int>& views)> make;
+};
+
+// Error(usage) without a model. `selected` gets the voxels of each `make`.
+NetworkObject network_object(vsplat_device device, const Photographs& photographs, const vsplat_fit_options& o,
+                             const InputRequest& input, const std::vector<int>& used,
+                             std::shared_ptr<std::vector<int>> selected);
 
 // The sparse points of the views. Error names where they were searched for.
 std::vector<ColoredPoint> points_of(const Photographs& photographs);

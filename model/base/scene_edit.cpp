@@ -18,12 +18,6 @@ void turn_about(Gaussians& g) {
         for (std::size_t c = 0; c < 3; ++c) g.sh[3 * (k * g.sh_count() + i) + c] *= -1;
 }
 
-void drop_mirror(Scene& scene) {
-  if (!scene.mirror) return;
-  turn_about(scene.gaussians);
-  scene.mirror.reset();
-}
-
 // Leaves the scene identical bit for bit if nothing moves.
 void move_to(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset) {
   const bool stays = move.scale == 1 && move.rotation.isIdentity(0) && move.translation.isZero(0);
@@ -40,6 +34,12 @@ void keep_values(std::vector<float>& values, std::size_t each, const std::vector
 }
 
 }  // namespace
+
+void drop_mirror(Scene& scene) {
+  if (!scene.mirror) return;
+  turn_about(scene.gaussians);
+  scene.mirror.reset();
+}
 
 void append(Scene& to, const Scene& other, const Similarity& move) {
   Scene more = other;

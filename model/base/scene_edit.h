@@ -16,6 +16,9 @@ namespace vsplat {
 // mirror point and less accurate with the distance from it, so there is a warning.
 void append(Scene& to, const Scene& other, const Similarity& move);
 
+// Converts colours to the viewing direction itself, as append() does; the scene then has no mirror point.
+void drop_mirror(Scene& scene);
+
 // Leaves out the bands of higher degrees, or adds them with zeros.
 void set_degree(Gaussians& gaussians, int degree);
 

@@ -213,15 +213,6 @@ Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
   const double begun = elapsed_seconds();
   const vsplat::Fit fit = naming({from}, {}, [&] { return vsplat::Fit(session.device(), views, options); });
   const ordered_json settings = ordered_json::parse(fit.settings());
-  const ordered_json& most = settings["derived"]["max_gaussians"];
-  const std::uint64_t gaussians = most.is_number() ? most.get<std::uint64_t>() : fit.start().info().count;
-  const ordered_json& picture = settings["derived"]["picture"];
-  const int width = picture[0].get<int>(), height = picture[1].get<int>();
-  const int degree = settings["sh"].get<int>();
-  char title[160];
-  std::snprintf(title, sizeof title, "the fit: up to %llu Gaussians of degree %d, pictures of %d x %d",
-                static_cast<unsigned long long>(gaussians), degree, width, height);
-  Plan out = {title, vsplat::fit_plan(session.device(), gaussians, degree, width, height)};
   vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
   const double stepped = elapsed_seconds();
   bool more = true;
@@ -230,6 +221,16 @@ Plan FitJob::plan(const Session& session, const vsplat::Views& views) {
     more = fit.step(progress);
   }
   const double took = elapsed_seconds() - begun;
+  const ordered_json& most = settings["derived"]["max_gaussians"];
+  const std::uint64_t gaussians = most.is_number()         ? most.get<std::uint64_t>()
+                                  : progress.gaussians > 0 ? progress.gaussians
+                                                           : fit.start().info().count;
+  const ordered_json& picture = settings["derived"]["picture"];
+  char title[160];
+  std::snprintf(title, sizeof title, "the fit: up to %llu Gaussians of degree %d, pictures of %d x %d",
+                static_cast<unsigned long long>(gaussians), settings["sh"].get<int>(), picture[0].get<int>(),
+                picture[1].get<int>());
+  Plan out = {title, fit.plan()};
   if (!interrupted())
     out.time = {settings["steps"].is_number() ? progress.steps : 0, took + (more ? progress.seconds_left : 0)};
   return out;

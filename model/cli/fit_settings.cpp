@@ -252,8 +252,9 @@ std::vector<CLI::Option*> add_fit_settings(CLI::App& app, FitSettings& o) {
   app.add_option(
          "--start", o.start,
          "What the fit begins with: a scene file (./NAME if it is called like one of these words), the network's "
-         "scene, COLMAP's points, or random points. Default: auto, for a whole scene its points, for an object the "
-         "network's scene with fewer than 12 pictures, else its points; random points if there are none")
+         "scene (with --scene in its cube, with points around), COLMAP's points, or random points. Default: auto, for "
+         "a whole scene its points, for an object the network's scene with fewer than 12 pictures, else its points; "
+         "random points if there are none")
       ->type_name("SCENE|network|points|random|auto");
   app.add_flag("--scene", o.scene,
                "Fit the whole scene that the pictures show (default, unless they have masks or alpha, or a cube is "

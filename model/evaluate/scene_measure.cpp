@@ -43,14 +43,16 @@ PictureScores compare_drawing(Context& ctx, Image& drawn, const ComparedPhotogra
                               const std::vector<const Lpips*>& lpips) {
   for (float& v : drawn.data) v = std::clamp(v, 0.0f, 1.0f);
   // As in a fit, the photograph has the drawing's colours where it is unknown.
-  Image picture = given.picture;
-  std::size_t known = 0;
+  Image filled;
+  if (!given.known.empty()) filled = given.picture;
   const std::size_t count = drawn.data.size() / 3;
-  for (std::size_t i = 0; i < count; ++i)
-    if (given.known.empty() || given.known[i] != 0)
-      ++known;
-    else
-      std::copy_n(&drawn.data[3 * i], 3, &picture.data[3 * i]);
+  std::size_t known = count;
+  for (std::size_t i = 0; i < given.known.size(); ++i)
+    if (given.known[i] == 0) {
+      --known;
+      std::copy_n(&drawn.data[3 * i], 3, &filled.data[3 * i]);
+    }
+  const Image& picture = given.known.empty() ? given.picture : filled;
   PictureScores out;
   // Unknown pixels are equal, and windows without a known pixel alike; the means are over the others.
   const double windows = known_window_share(given.known, picture.width, picture.height);

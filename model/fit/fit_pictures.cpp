@@ -5,6 +5,7 @@
 
 #include "model/views/placement.h"
 #include "runtime/fail.h"
+#include "runtime/host_span.h"
 
 namespace vsplat {
 namespace {
@@ -31,6 +32,7 @@ FitPictures::FitPictures(const Photographs& photographs, const Similarity& to_wo
     : photographs_(photographs), to_world_(to_world), longest_(longest), cap_(cap) {}
 
 std::shared_ptr<const FitPicture> FitPictures::load(int view) const {
+  const HostSpan span(HostKind::host, "decode pictures", photographs_.set.views[static_cast<std::size_t>(view)].name);
   LoadedPhotograph photograph(photographs_, view);
   auto out = std::make_shared<FitPicture>();
   const std::string name = photograph.listed().name;
@@ -49,22 +51,29 @@ std::shared_ptr<const FitPicture> FitPictures::at(int view) {
     ages_.splice(ages_.begin(), ages_, there->second.age);
     return there->second.picture;
   }
-  const bool read = ahead_.valid() && ahead_view_ == view;
-  const std::shared_ptr<const FitPicture> picture = read ? ahead_.get() : load(view);
+  if (ahead_.valid() && ahead_view_ != view) ahead_ = {};  // waits for it
+  const std::shared_ptr<const FitPicture> picture = ahead_.valid() ? ahead_.get() : load(view);
   bytes_ += bytes_of(*picture);
-  while (bytes_ > cap_ && !ages_.empty()) {
-    const auto oldest = kept_.find(ages_.back());
-    bytes_ -= bytes_of(*oldest->second.picture);
-    kept_.erase(oldest);
-    ages_.pop_back();
-  }
+  while (bytes_ > cap_ && !ages_.empty()) forget(ages_.back());
   ages_.push_front(view);
   kept_.emplace(view, Kept{picture, ages_.begin()});
+  cameras_[view] = picture->camera;
   return picture;
 }
 
+void FitPictures::limit(std::size_t cap) {
+  cap_ = cap;
+  while (bytes_ > cap_ && !ages_.empty()) forget(ages_.back());
+}
+
+Camera FitPictures::camera(int view) {
+  const auto there = cameras_.find(view);
+  return there != cameras_.end() ? there->second : at(view)->camera;
+}
+
 void FitPictures::read_ahead(int view) {
-  if (photographs_.picture || ahead_.valid() || kept_.count(view) > 0) return;
+  if (photographs_.picture || (ahead_.valid() && ahead_view_ == view) || kept_.count(view) > 0) return;
+  ahead_ = {};  // waits for what was not asked for
   ahead_view_ = view;
   ahead_ = std::async(std::launch::async, [this, view] { return load(view); });
 }

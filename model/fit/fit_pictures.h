@@ -17,16 +17,21 @@ class FitPictures {
  public:
   // `to_world` maps the frame of the fit to the world. A picture's longer side is at most `longest` pixels (0: the
   // picture's own size). `cap`: bytes of host memory for all cached pictures; the picture that was asked for last is
-  // cached even above it.
+  // cached even above it. Others stay in their files, and are decoded again.
   FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap);
 
-  // Decodes the picture unless it is cached. Errors as those of LoadedPhotograph; Error(input) if a pixel's value is
-  // not a number.
+  // Decodes the picture unless it is cached; one at a time. Errors as those of LoadedPhotograph; Error(input) if a
+  // pixel's value is not a number.
   std::shared_ptr<const FitPicture> at(int view);
   // Starts to decode, in the background, the view that the caller will pass to at() next. at() reports the errors. Does
   // nothing unless the pictures are files: another source may be bound to the caller's thread.
   void read_ahead(int view);
-  void forget(int view);  // drops the view from the cache
+  void forget(int view);                        // drops the view from the cache
+  void limit(std::size_t cap);                  // another cap from now on
+  std::size_t bytes() const { return bytes_; }  // of all cached pictures
+
+  // The camera of the view's picture. Decodes nothing once at() has returned that.
+  Camera camera(int view);
 
   // Cameras of these views' pictures, in the frame of the fit, without the correction of lenses. Reads only the
   // pictures' headers.
@@ -46,7 +51,8 @@ class FitPictures {
   int longest_;
   std::size_t cap_, bytes_ = 0;
   std::map<int, Kept> kept_;
-  std::list<int> ages_;  // the most recently used first
+  std::list<int> ages_;            // the most recently used first
+  std::map<int, Camera> cameras_;  // of all pictures that at() has returned
   int ahead_view_ = -1;
   std::future<std::shared_ptr<const FitPicture>> ahead_;
 };

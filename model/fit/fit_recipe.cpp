@@ -13,6 +13,7 @@ constexpr double kObjectShare = 0.5;
 constexpr double kVisitsToFall = 20, kVisitsToLower = 125;
 constexpr double kLeastFall = 0.1;
 constexpr double kMergedPerPixel = 0.75;          // half of what an object may grow to
+constexpr double kPixelsOfGaussian = 3;           // a Gaussian takes as long in a step as so many pixels
 constexpr long kLeastJudged = 100, kJudged = 20;  // measured so often, but not after fewer steps
 
 long steps_of(FitQuality quality) {
@@ -70,6 +71,30 @@ std::size_t merged_count(const FitRequest& request, double object_pixels) {
   const auto most = static_cast<long>(kMergedPerPixel * object_pixels);
   return static_cast<std::size_t>(
       std::max(1L, request.max_gaussians > 0 ? std::min(most, request.max_gaussians) : most));
+}
+
+double mean_count(const FitRecipe& recipe, long step, long steps, long count) {
+  const FitOptions& o = recipe.options;
+  const bool consolidates = recipe.consolidate < 1;
+  const long reduced = (3 * steps + 3) / 4;  // steps before the consolidation
+  double sum = 0, now = static_cast<double>(count);
+  for (long at = step; at < steps;) {
+    const bool before = !consolidates || at < reduced;
+    const bool grows = before && o.grow_every > 0 && at < o.grow_until;
+    long next = consolidates && before ? reduced : steps;
+    if (grows) next = std::min(next, (at / o.grow_every + 1) * o.grow_every);
+    sum += now * static_cast<double>(next - at);
+    if (consolidates && before && next == reduced)
+      now *= recipe.consolidate;
+    else if (grows)
+      now = std::max(now, std::min(o.growth * now, static_cast<double>(o.max_gaussians)));
+    at = next;
+  }
+  return step < steps ? sum / static_cast<double>(steps - step) : now;
+}
+
+double step_growth(double pixels, double now, double later) {
+  return (pixels / kPixelsOfGaussian + later) / (pixels / kPixelsOfGaussian + now);
 }
 
 void grow_to(FitRecipe& recipe, long most, long count) {

@@ -22,6 +22,14 @@ std::size_t merged_count(const FitRequest& request, double object_pixels);
 // pictures. `count`: Gaussians of the start.
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count);
 
+// The number of Gaussians in the steps from `step` to `steps`, on average, with `count` of them at `step`, the last
+// phase's.
+double mean_count(const FitRecipe& recipe, long step, long steps, long count);
+
+// The time of a step with `later` Gaussians in that of one with `now`, for pictures of `pixels`: about what fits of
+// whole scenes on a processor take (bench/results/README.md).
+double step_growth(double pixels, double now, double later);
+
 // Sets the number of Gaussians that a fit which starts with `count` grows to.
 void grow_to(FitRecipe& recipe, long most, long count);
 

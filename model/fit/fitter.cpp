@@ -11,7 +11,6 @@
 #include "model/ops/fit/splat_adam.h"
 #include "model/ops/fit/splat_filter.h"
 #include "model/ops/fit/splat_split.h"
-#include "model/ops/render/visible.h"
 #include "runtime/fail.h"
 #include "runtime/files/safetensors.h"
 #include "runtime/log.h"
@@ -139,26 +138,26 @@ RenderOptions Fitter::drawing(const std::array<float, 3>& background) const {
   out.near = near_;
   out.antialias = options_.antialias;
   out.mirror = mirror_;
+  out.most_pairs = options_.most_pairs;
   return out;
 }
 
-void Fitter::bound_on_screen(const Camera& camera) {
-  const std::uint64_t most = affordable_tiles(camera, count_);
-  const Part whole{0, 0, static_cast<int>(tiles_along(camera.width)), static_cast<int>(tiles_along(camera.height))};
-  if (static_cast<std::uint64_t>(count_ * whole.tiles()) <= most) return;
-  const Culled culled = make_culled(ctx_, count_);
-  project_cull(ctx_, activate(ctx_, {}), 0, upload_views(ctx_, {camera}, near_, mirror_), 0, camera.width,
-               camera.height, culled, options_.antialias);
-  const std::uint64_t found = count_visible(ctx_, culled, whole).intersections;
-  if (ctx_.planning() || found <= most) return;
-  const Uncancelled unbroken(ctx_);
-  const SplatParameters now = parameters();
-  std::vector<float> log_scales = ctx_.read<float>(now.log_scales);
-  shrink_on_screen({ctx_.read<float>(now.means), ctx_.read<float>(now.logits)}, camera, near_, most,
-                   std::log(options_.low_scale), log_scales);
-  ctx_.copy(ctx_.upload(now.log_scales.shape(), log_scales, Type::f32, "log scales"), now.log_scales);
-  verbose("step {}: {} Gaussians touch {} tiles of a picture, at most {} are possible: the largest are made smaller",
-          step_, count_, found, most);
+std::function<bool(std::uint64_t)> Fitter::bound_on_screen(const Camera& camera, const Dropping& dropping) {
+  return [this, &camera, dropping, bounded = false](std::uint64_t found) mutable {
+    const std::uint64_t most = affordable_tiles(camera, count_);
+    if (bounded || found <= most) return false;
+    bounded = true;
+    const Uncancelled unbroken(ctx_);
+    const SplatParameters now = parameters();
+    std::vector<float> log_scales = ctx_.read<float>(now.log_scales);
+    shrink_on_screen({ctx_.read<float>(now.means), ctx_.read<float>(now.logits)}, camera, near_, most,
+                     std::log(options_.low_scale), log_scales);
+    ctx_.copy(ctx_.upload(now.log_scales.shape(), log_scales, Type::f32, "log scales"), now.log_scales);
+    activate(ctx_, dropping);
+    verbose("step {}: {} Gaussians touch {} tiles of a picture, at most {} are possible: the largest are made smaller",
+            step_, count_, found, most);
+    return true;
+  };
 }
 
 void Fitter::step(const DeviceFitPicture& picture, const FitAside& aside) {
@@ -178,11 +177,11 @@ void Fitter::differentiate(const DeviceFitPicture& picture, const FitAside& asid
 
 void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside) {
   const auto now = static_cast<std::uint32_t>(step_);
-  const RenderOptions how = drawing(drawn_over(options_.background, picture.masked, options_.seed, now));
+  RenderOptions how = drawing(drawn_over(options_.background, picture.masked, options_.seed, now));
   const Tensor view = sky_ ? upload_views(ctx_, {picture.camera}, near_, mirror_) : Tensor();
   const float alpha_weight = picture.masked ? options_.alpha_weight : 0;
   const Dropping dropping{options_.drop, options_.seed, now};
-  bound_on_screen(picture.camera);
+  how.counted = bound_on_screen(picture.camera, dropping);
   const DeviceGaussians gaussians = activate(ctx_, dropping);
   Tensor scores;
   if (scores_count()) {
@@ -308,9 +307,10 @@ FitScore score_of(Context& ctx, const Tensor& measured, const DeviceFitPicture& 
 }  // namespace
 
 Tensor Fitter::measure(const DeviceFitPicture& picture) {
-  bound_on_screen(picture.camera);
   const std::array<float, 3> background = measured_over(options_.background);
-  DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, drawing(background));
+  RenderOptions how = drawing(background);
+  how.counted = bound_on_screen(picture.camera, {});
+  DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, how);
   if (sky_) drawn.colour = sky_->shown(ctx_, drawn, upload_views(ctx_, {picture.camera}, near_, mirror_));
   return compare(ctx_, drawn, background, picture);
 }
@@ -342,7 +342,8 @@ void for_each_tensor(const SplatState& state, const F& use) {
 }  // namespace
 
 void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
-  bound_on_screen(picture.camera);
+  RenderOptions how = drawing({0, 0, 0});
+  how.counted = bound_on_screen(picture.camera, {});
   const auto ones = [&](Context& c, const DevicePicture& drawn) {
     PictureGradient by;
     by.depth = c.upload(drawn.alpha.shape(), std::vector<float>(static_cast<std::size_t>(drawn.alpha.count()), 1.0f),
@@ -350,8 +351,7 @@ void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
     return by;
   };
   // The gradient stays zero: the picture's is.
-  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, drawing({0, 0, 0}), ones, {gradient()}, nullptr,
-                       {sums});
+  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, how, ones, {gradient()}, nullptr, {sums});
 }
 
 void Fitter::replace(const Gaussians& gaussians) {

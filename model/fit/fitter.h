@@ -2,6 +2,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -45,6 +46,7 @@ struct FitOptions {
   float low_scale = 1e-5f, high_scale = 0.5f;
   bool antialias = false;  // as in RenderOptions, with the 3D filter of set_cameras()
   std::uint64_t seed = 0;
+  std::uint64_t most_pairs = 0;  // as in RenderOptions
 };
 
 // How well a rendering matches a picture in its known pixels, both over measured_over().
@@ -110,9 +112,9 @@ class Fitter {
 
  private:
   void add_gradient(const DeviceFitPicture& picture, const FitAside& aside);
-  // If Gaussians touch far more of the picture's tiles than usual, shrinks the largest on its screen, so that no step
-  // takes far longer than the others.
-  void bound_on_screen(const Camera& camera);
+  // RenderOptions::counted, once: if Gaussians touch far more of the picture's tiles than usual, shrinks the largest on
+  // its screen, so that no step takes far longer than the others, and activates them again.
+  std::function<bool(std::uint64_t)> bound_on_screen(const Camera& camera, const Dropping& dropping);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   void find_variances();
   bool scores_count() const;

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "model/base/resample.h"
 #include "model/base/scene_edit.h"
 #include "model/fit/beside_cube.h"
 #include "model/fit/fit_checkpoint.h"
-#include "model/fit/fit_plan.h"
 #include "model/fit/merged_gaussians.h"
 #include "model/fit/scene_fit_impl.h"
 #include "model/fit/suspects.h"
@@ -19,18 +19,19 @@
 #include "runtime/log.h"
 #include "runtime/option.h"
 #include "runtime/profile/profiler.h"
+#include "runtime/system/host_memory.h"
 #include "runtime/units.h"
 
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kPictureCap = std::size_t{2} << 30;  // bytes of decoded pictures
-constexpr std::size_t kEvery = 8;                          // with many views, one in so many is held out
-constexpr int kHoldsOut = 5;                               // views of a whole scene from which on one is held out
-constexpr std::size_t kLookedAt = 8;                       // pictures sampled to represent all
-constexpr long kUnjudgedSteps = 100;                       // limit for few views of which none is held out
-constexpr int kFalls = 2;                                  // a fold ends when its PSNR has fallen so often in a row
-constexpr double kLastPhase = 1.25;                        // time reserved for the phase after the folds, in folds
+constexpr std::size_t kCacheOfHost = 4;  // share of the host's memory for pictures before the fit is planned
+constexpr std::size_t kEvery = 8;        // with many views, one in so many is held out
+constexpr int kHoldsOut = 5;             // views of a whole scene from which on one is held out
+constexpr std::size_t kLookedAt = 8;     // pictures sampled to represent all
+constexpr long kUnjudgedSteps = 100;     // limit for few views of which none is held out
+constexpr int kFalls = 2;                // a fold ends when its PSNR has fallen so often in a row
+constexpr double kLastPhase = 1.25;      // time reserved for the phase after the folds, in folds
 
 using Clock = std::chrono::steady_clock;
 
@@ -94,7 +95,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       given(std::move(s)),
       request(std::move(r)),
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
-      pictures(p, to_world, request.longest, kPictureCap) {
+      pictures(p, to_world, request.longest, std::min(kMostCached, host_memory_limit() / kCacheOfHost)) {
   const auto begun = Clock::now();
   if (request.antialias)
     given.make = [make = std::move(given.make)](const std::vector<int>& views) {
@@ -193,9 +194,16 @@ void SceneFit::Impl::begin_leg() {
   exposures.clear();
   resident.clear();
   resident_bytes = 0;
+  held = {};
+  ctx.memory().trim();  // plans begin with what is left
   const Camera largest = pictures.largest(used);
   limit_growth(start, scene.near, largest);
-  spare_bytes = spare_room(ctx, start, scene.near, recipe.options, largest);
+  room = spare_room(ctx, start, scene.near, recipe.options, largest);
+  pictures.limit(room.on_host);
+  hold_host_memory();
+  if (!resuming) pairs = static_cast<long>(room.pairs);
+  recipe.options.most_pairs = static_cast<std::uint64_t>(pairs);
+  largest_pixels = static_cast<double>(largest.width) * largest.height;
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
   if (recipe.options.antialias) fitter->set_cameras(pictures.cameras(now.views));
   leg_began = seconds;  // not before: what is above may throw, and is then begun again
@@ -210,11 +218,21 @@ void SceneFit::Impl::limit_growth(const Gaussians& start, float near, const Came
   if (request.max_gaussians > 0 || recipe.options.grow_every == 0) return;
   const long wanted = recipe.options.max_gaussians;
   const long most = resuming ? grows_to : affordable_gaussians(ctx, start, near, recipe.options, largest);
-  if (most < wanted && !resuming)
+  const ArenaLimits& limits = ctx.memory().limits();
+  if (most < wanted && !resuming && limits.on_host)
+    warn("the scene grows to {} Gaussians, as many as {:.4g} GiB of memory allow ({}, {}), not to {}", most,
+         gib(std::min(limits.total, host_memory_limit())), Option::max_memory, Option::max_host_memory, wanted);
+  else if (most < wanted && !resuming)
     warn("the scene grows to {} Gaussians, as many as {:.4g} GiB of device memory allow ({}), not to {}", most,
-         gib(ctx.memory().limits().total), Option::max_memory, wanted);
+         gib(limits.total), Option::max_memory, wanted);
   grow_to(recipe, most, static_cast<long>(start.count));
   grows_to = most;
+}
+
+// No drawing takes the memory of scenes and pictures, nor that for reading one.
+void SceneFit::Impl::hold_host_memory() {
+  const double left = static_cast<double>(host_memory_limit()) - static_cast<double>(reserved_host_memory());
+  held = HostMemory("a fit", std::clamp(room.host + static_cast<double>(room.on_host), 0.0, std::max(left, 0.0)));
 }
 
 // The largest number of steps that all of the first `rounds` folds have measured.
@@ -268,18 +286,21 @@ void SceneFit::Impl::judge() {
 bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = Clock::now();
-  const double before = waited;
+  const double before = waited, behind = std::exchange(told_late, 0.0);
+  seconds += behind;
   if (!left) {
     if (consolidates_now()) consolidate();
     const int view = view_of_step(fitter->steps_done());
+    const DeviceFitPicture picture = corrected(view);  // takes what was read ahead
     if (fitter->steps_done() + 1 < leg_steps) {
       const int next = view_of_step(fitter->steps_done() + 1);
       if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
     }
-    step_on(view);
-    const double took = seconds_since(begun);
+    step_on(view, picture);
+    const double took = behind + seconds_since(begun);
     step_seconds = last_step > 0 ? std::min(took, last_step) : 0;
     last_step = took;
+    pace.add(took - (waited - before), ctx.profiler().compilations());
     ++steps_in_all;
     const long at = fitter->steps_done();
     left = AfterStep{at % recipe.judge_every == 0 || at == leg_steps, false, at >= leg_steps};
@@ -289,7 +310,6 @@ bool SceneFit::Impl::step() {
   left.reset();
   const double until_now = seconds + seconds_since(begun);
   if (!done && request.seconds > 0 && consolidates() && !is_consolidated()) leave_time_to_consolidate(until_now);
-  pace.add(seconds_since(begun) - (waited - before), ctx.profiler().compilations());
   if (!done && request.seconds > 0 && until_now + seconds_of_next() >= request.seconds) finish();
   seconds += seconds_since(begun);
   if (look && !request.checkpoint.empty()) save();
@@ -299,53 +319,6 @@ bool SceneFit::Impl::step() {
 bool SceneFit::Impl::consolidates_now() const {
   const long at = fitter->steps_done();
   return consolidates() && !is_consolidated() && at + at / 3 >= leg_steps;
-}
-
-double SceneFit::Impl::seconds_of_next() const {
-  const Leg& now = legs[leg];
-  const double look = look_seconds > 0 ? look_seconds : step_seconds / 3;  // a step renders and also runs backward
-  const long next = fitter->steps_done() + 1;
-  const bool judges = next % recipe.judge_every == 0 || next >= leg_steps;
-  double looks = judges ? static_cast<double>(now.judges.size()) : 0;
-  // At the end every fitted picture is measured, and with growth also drawn with its gradient.
-  if (!in_folds()) looks += (recipe.options.grow_every > 0 ? 4 : 1) * static_cast<double>(now.views.size());
-  return step_seconds + looks * look;
-}
-
-// Ends the steps before the consolidation once the time left is what it and the last quarter of the steps take. It is
-// left out if it would take longer than they do. Not decided in the first epoch, whose steps read pictures.
-void SceneFit::Impl::leave_time_to_consolidate(double until_now) {
-  const long at = fitter->steps_done();
-  const auto fitted = static_cast<double>(legs[leg].views.size());
-  const std::optional<double> each = pace.seconds();  // not the latest steps, which may have compiled
-  if (static_cast<double>(at) < fitted || !each) return;
-  // Every fitted picture is drawn with its gradient, and those held out are measured.
-  const double reducing =
-      fitted * *each + static_cast<double>(legs[leg].judges.size()) * look_seconds + seconds_of_reads(fitted);
-  const long more = at / 3;
-  const double refitting = static_cast<double>(more) * *each;
-  // As many draws of every picture again at the end: see seconds_of_next().
-  if (until_now + 2 * reducing + refitting < request.seconds) return;
-  if (refitting > reducing)
-    leg_steps = std::min(leg_steps, at + more);
-  else
-    recipe.consolidate = 1;
-}
-
-// The waits for pictures in the next `steps` steps: once for each that is not on the device. Where they do not all stay
-// there, one wait each time.
-double SceneFit::Impl::seconds_of_reads(double steps) const {
-  if (reads == 0) return 0;
-  const auto all = static_cast<double>(legs[leg].views.size());
-  double missing = 0;
-  for (const int view : legs[leg].views) missing += resident.count(view) == 0 ? 1 : 0;
-  const double more =
-      static_cast<double>(fitter->steps_done()) < all ? std::min(steps, missing) : steps * missing / all;
-  return more * waited / static_cast<double>(reads);
-}
-
-bool SceneFit::Impl::has_time_for(double rounds) const {
-  return request.seconds <= 0 || request.seconds - seconds > rounds * (seconds - leg_began);
 }
 
 void SceneFit::Impl::follow(AfterStep& after) {
@@ -384,6 +357,12 @@ void SceneFit::Impl::finish() {
       written = score_written();
   }
   done = true;
+  resident.clear();  // leaves memory for what is done with the result
+  resident_bytes = 0;
+  passing = {};
+  pictures.limit(0);
+  held = {};
+  ctx.memory().trim();
 }
 
 Scene SceneFit::Impl::to_scene(const Gaussians& gaussians) const {
@@ -412,12 +391,13 @@ FitProgress SceneFit::progress() const {
   out.step = i.fitter->steps_done();
   out.steps = i.leg_steps;
   out.gaussians = i.fitter->count();
-  if (out.step > 0) out.loss = static_cast<double>(i.ctx.read<float>(i.fitter->last_loss())[0]);
+  if (out.step > 0) {
+    const auto begun = Clock::now();
+    out.loss = static_cast<double>(i.ctx.read<float>(i.fitter->last_loss())[0]);
+    impl_->told_late += seconds_since(begun);
+  }
   out.psnr = i.last_psnr;
-  // Steps of the remaining folds, and of the last phase at its full length.
-  const auto left = static_cast<double>(i.leg_steps - out.step) +
-                    static_cast<double>(i.legs.size() - i.leg - 1) * static_cast<double>(i.recipe.steps);
-  if (const auto pace = i.pace.seconds(); pace && !i.done) out.seconds_left = left * *pace + i.seconds_of_reads(left);
+  out.seconds_left = i.seconds_left();
   if (i.request.seconds > 0) out.seconds_left = std::min(out.seconds_left, i.request.seconds - i.seconds);
   return out;
 }
@@ -463,6 +443,8 @@ FitResult SceneFit::result() {
   return out;
 }
 
+const FitRoom& SceneFit::memory() const { return impl_->room; }
+
 const Scene& SceneFit::start() const {
   Impl& i = *impl_;
   if (!i.first) i.first = i.given.make(i.legs.back().views);
@@ -477,8 +459,7 @@ Image SceneFit::picture(int view) {
 }
 
 Camera SceneFit::camera(int view) {
-  const auto there = impl_->resident.find(view);
-  Camera camera = there != impl_->resident.end() ? there->second.camera : impl_->pictures.at(view)->camera;
+  Camera camera = impl_->pictures.camera(view);
   if (const auto pose = impl_->poses.find(view); pose != impl_->poses.end()) camera.w2c = pose->second.w2c();
   return to_frame(camera, impl_->to_world.inverse());
 }

@@ -14,6 +14,8 @@
 
 namespace vsplat {
 
+struct FitRoom;
+
 // With fewer views than this, none is held out for the whole fit: each is left out in turn.
 inline constexpr int kManyViews = 12;
 
@@ -105,6 +107,8 @@ class SceneFit {
   bool step();
   void stop();  // runs no further step
   FitProgress progress() const;
+  // The memory that was planned for the current phase, before it took any.
+  const FitRoom& memory() const;
   // The settings in effect, as JSON: see vsplat_fit_get_settings.
   std::string settings() const;
 

@@ -1,18 +1,21 @@
 // A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit,
-// scene_fit_background, scene_fit_reduce, scene_fit_settings, scene_fit_state and scene_fit_step.
+// scene_fit_background, scene_fit_reduce, scene_fit_settings, scene_fit_state, scene_fit_step and scene_fit_time.
 #pragma once
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "model/base/step_pace.h"
 #include "model/fit/fit_pictures.h"
+#include "model/fit/fit_plan.h"
 #include "model/fit/fit_recipe.h"
 #include "model/fit/scene_fit.h"
 #include "model/fit/view_corrections.h"
 #include "runtime/files/folder_lock.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 
@@ -51,9 +54,10 @@ struct SceneFit::Impl {
   bool is_consolidated() const;
   bool consolidates() const;
   bool consolidates_now() const;
+  std::shared_ptr<const FitPicture> read_picture(int view);
   const DeviceFitPicture& on_device(int view);
   DeviceFitPicture corrected(int view);
-  void step_on(int view);
+  void step_on(int view, const DeviceFitPicture& picture);
   int view_of_step(long step) const;
   void warn_of_background();
   void check_masks();
@@ -63,6 +67,10 @@ struct SceneFit::Impl {
   double seconds_of_next() const;
   void leave_time_to_consolidate(double until_now);
   double seconds_of_reads(double steps) const;
+  double seconds_of_look() const;
+  double looks_at_end() const;
+  double seconds_left() const;  // of all phases; 0: not known yet
+  void hold_host_memory();
   void limit_growth(const Gaussians& start, float near, const Camera& largest);
   long measured_by_all(std::size_t rounds) const;
   bool has_time_for(double rounds) const;  // in the current fold's duration so far; true without a time limit
@@ -91,6 +99,7 @@ struct SceneFit::Impl {
   FitRecipe recipe;
   int degree = 0;     // of the spherical harmonics
   long grows_to = 0;  // Gaussians, unless the request says so; a resumed fit keeps it, whatever memory there is now
+  long pairs = 0;     // FitOptions::most_pairs; likewise
   long leg_steps = 0;
   std::unique_ptr<Fitter> fitter;  // of the current phase
   std::optional<Scene> first;      // the start of the last phase, in the world
@@ -100,7 +109,10 @@ struct SceneFit::Impl {
   std::map<int, ExposureCorrection> exposures;
   std::map<int, DeviceFitPicture> resident;
   DeviceFitPicture passing;
-  std::size_t resident_bytes = 0, spare_bytes = 0;  // device memory
+  std::size_t resident_bytes = 0;
+  FitRoom room;               // of the current phase
+  HostMemory held;            // for cached pictures and scenes
+  double largest_pixels = 0;  // of the largest picture
 
   bool done = false, unknown = false, resuming = false;
   double seconds = 0, leg_began = 0, last_psnr = std::nan("");
@@ -113,6 +125,7 @@ struct SceneFit::Impl {
   StepPace pace;
   double waited = 0;
   long reads = 0;
+  double told_late = 0;  // seconds that progress() has waited for the device since the last step
   std::optional<AfterStep> left;
   long consolidated_after = 0;         // steps; 0: not yet
   bool pruned = false;                 // whether `best` is

@@ -92,6 +92,7 @@ void SceneFit::Impl::save() const {
   }
   hold_tuning(ctx, out.state);
   out.state["grows_to"] = std::to_string(grows_to);
+  out.state["pairs"] = std::to_string(pairs);
   out.state["leg"] = std::to_string(leg);
   out.state["steps"] = std::to_string(fitter->steps_done());
   out.state["leg_steps"] = std::to_string(leg_steps);
@@ -120,6 +121,7 @@ void SceneFit::Impl::read_place(const FitCheckpoint& from) {
   leg = static_cast<std::size_t>(whole_number(from, "leg"));
   if (leg >= legs.size()) fail(Status::format, "a fit's state is of leg {}, of which there are {}", leg, legs.size());
   grows_to = whole_number(from, "grows_to");
+  pairs = whole_number(from, "pairs");
   for (const auto& [name, text] : from.state) {
     long at = 0;
     if (std::sscanf(name.c_str(), "curve.%ld.psnr", &at) != 1 || !name.ends_with(".psnr")) continue;

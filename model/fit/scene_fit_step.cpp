@@ -14,15 +14,26 @@ constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;  // Adam learning rates
 
 }  // namespace
 
+// Drawings may have taken the memory that a decoder reserves. They need it no longer, and are then drawn in more parts.
+std::shared_ptr<const FitPicture> SceneFit::Impl::read_picture(int view) {
+  try {
+    return pictures.at(view);
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+  }
+  ctx.memory().trim();
+  return pictures.at(view);
+}
+
 const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   const auto there = resident.find(view);
   if (there != resident.end()) return there->second;
   const auto begun = now_ns();
-  const std::shared_ptr<const FitPicture> picture = pictures.at(view);
+  const std::shared_ptr<const FitPicture> picture = read_picture(view);
   waited += 1e-9 * static_cast<double>(now_ns() - begun);
   ++reads;
   const std::size_t bytes = picture->rgba.size() + picture->known.size();
-  if (resident_bytes + bytes > spare_bytes / 2) {
+  if (resident_bytes + bytes > room.on_device) {
     passing = {};
     passing = upload(ctx, *picture);
     return passing;
@@ -41,8 +52,7 @@ DeviceFitPicture SceneFit::Impl::corrected(int view) {
 }
 
 // One step of the scene, and of the view's pose and exposure corrections.
-void SceneFit::Impl::step_on(int view) {
-  const DeviceFitPicture picture = corrected(view);
+void SceneFit::Impl::step_on(int view, const DeviceFitPicture& picture) {
   const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(leg_steps));
   std::array<double, 6> dpose{};
   FitAside aside;

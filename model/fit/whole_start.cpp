@@ -6,9 +6,11 @@
 #include <memory>
 
 #include "model/base/rng.h"
+#include "model/base/scene_edit.h"
 #include "model/base/statistics.h"
 #include "model/fit/fit_pictures.h"
 #include "model/fit/fit_start.h"
+#include "model/fit/merged_gaussians.h"
 #include "runtime/log.h"
 
 namespace vsplat {
@@ -167,6 +169,23 @@ Scene whole_scene(const WholeStart& start, const Photographs& photographs, const
   Scene made = isotropic_scene(out, start.frame.placement, start.frame.near, kHigh);
   if (start.points.empty()) made.gaussians.opacities.assign(made.gaussians.count, kRandomOpacity);
   return made;
+}
+
+Scene with_object(Scene scene, Scene object, const Placement& cube, std::size_t most) {
+  const std::size_t all = scene.gaussians.count;
+  keep(scene.gaussians, [&](std::size_t k) {
+    const Vector3d at = Eigen::Map<const Eigen::Vector3f>(&scene.gaussians.means[3 * k]).cast<double>() + scene.offset;
+    return ((at - cube.centre) / cube.edge).cwiseAbs().maxCoeff() > 0.5;
+  });
+  info("{} of the {} Gaussians at the start lie in the object's cube: there the object's take their place",
+       all - scene.gaussians.count, all);
+  drop_mirror(object);
+  if (object.gaussians.kind == GaussianKind::volume)  // append() refuses others
+    object.gaussians = merged_gaussians(object.gaussians, most);
+  const float near = scene.near;
+  append(scene, object, {});
+  scene.near = near;
+  return scene;
 }
 
 }  // namespace vsplat

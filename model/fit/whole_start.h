@@ -25,4 +25,8 @@ struct WholeStart {
 // Equal arguments give equal scenes.
 Scene whole_scene(const WholeStart& start, const Photographs& photographs, const std::vector<int>& views);
 
+// The scene with an object in place of what it has in the object's cube. The object's Gaussians are merged to at most
+// `most`.
+Scene with_object(Scene scene, Scene object, const Placement& cube, std::size_t most);
+
 }  // namespace vsplat

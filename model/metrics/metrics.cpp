@@ -137,6 +137,7 @@ double psnr_cc(const Image& drawn, const Image& given, std::span<const std::uint
     fail(Status::input, "a colour map needs pictures of 3 channels, and {} known pixels or none: found {} and {}",
          count, drawn.channels, known.size());
   std::vector<std::size_t> pixels;
+  pixels.reserve(count);
   for (std::size_t i = 0; i < count; ++i)
     if (known.empty() || known[i] != 0) pixels.push_back(i);
   if (pixels.empty()) return std::numeric_limits<double>::quiet_NaN();

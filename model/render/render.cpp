@@ -1,6 +1,8 @@
 #include "model/render/render.h"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 
 #include "model/ops/render/area_mean.h"
 #include "model/ops/render/tile_bin.h"
@@ -106,13 +108,26 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
                    bool slots, const PartWork& work) {
   const Stage stage(ctx, "splat");
   const RoundedSizes rounded(ctx.memory());
-  const View view = cull_in_room(ctx, scene, camera, options);
+  View view = cull_in_room(ctx, scene, camera, options);
   std::vector<Part> parts{whole(camera)};
+  std::optional<VisibleCount> first;  // of the whole picture
+  if (options.counted && !ctx.planning()) {
+    first = count_visible(ctx, view.culled, parts.front());
+    if (options.counted(first->intersections)) {
+      view = cull(ctx, scene, camera, options);
+      first.reset();
+    }
+  }
   while (!parts.empty()) {
     const Part part = parts.back();
     parts.pop_back();
-    VisibleCount count = count_visible(ctx, view.culled, part);
-    if (ctx.planning()) count = assumed(scene, options, part);
+    VisibleCount count = first ? *std::exchange(first, std::nullopt) : count_visible(ctx, view.culled, part);
+    if (ctx.planning()) {
+      count = assumed(scene, options, part);
+    } else if (options.most_pairs > 0 && count.intersections > options.most_pairs && part.tiles() > 1) {
+      split(part, parts);
+      continue;
+    }
     const auto draw = [&](Context& c) {
       const Projected projected = project_part(c, scene, view, options, part, count);
       // A surfel's alpha within a tile cannot be bounded from its record alone.

@@ -70,14 +70,10 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOption
   }
 }
 
-}  // namespace
-
-void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
-                     const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose,
-                     const PixelSums& sums) {
-  const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
-  const Stage stage(ctx, "splat");
-  const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
+// Draws `picture` part by part, and adds each part's derivatives to `out`.
+void differentiate_parts(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                         const DevicePicture& picture, const PictureGradient& gradient, const SceneGradient& out,
+                         std::array<double, 6>* pose, const PixelSums& sums) {
   std::vector<Tensor> poses;  // one per part
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
@@ -94,6 +90,17 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
     const auto values = ctx.read<float>(part);
     for (std::size_t i = 0; i < 6; ++i) (*pose)[i] += static_cast<double>(values[i]);
   }
+}
+
+}  // namespace
+
+void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                     const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose,
+                     const PixelSums& sums) {
+  const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
+  const Stage stage(ctx, "splat");
+  const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
+  differentiate_parts(ctx, scene, camera, options, picture, gradient, out, pose, sums);
 }
 
 DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
@@ -118,8 +125,12 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   }
                   if (&c == &ctx) done = true;  // not on the plan, which may not fit
                 });
-  // With several parts, the loss needs the whole picture, which is complete only now.
-  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose, sums);
+  if (done) return drawn;
+  // With several parts, the loss needs the whole picture, which is complete only now. Its memory is planned like that
+  // of the parts: what it took piece by piece would not be left in one piece for them.
+  make_room(ctx, [&](Context& c) { loss(c, picture); });
+  const PictureGradient gradient = loss(ctx, picture);
+  differentiate_parts(ctx, scene, camera, options, picture, gradient, out, pose, sums);
   return drawn;
 }
 

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "runtime/error.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 
@@ -18,7 +19,9 @@ bool make_room(Context& ctx, const std::function<void(Context&)>& work) {
     return planner;
   };
   const auto fits = [&](const std::unique_ptr<Context>& p) {
-    return p && p->memory().reserved() <= ctx.memory().limits().total;
+    if (!p || p->memory().reserved() > ctx.memory().limits().total) return false;
+    const std::size_t more = p->memory().reserved() - ctx.memory().reserved();
+    return ctx.planning() || !ctx.memory().limits().on_host || more + reserved_host_memory() <= host_memory_limit();
   };
   std::unique_ptr<Context> planner = plan();
   if (!fits(planner) || planner->memory().reserved() > ctx.memory().reserved()) {

@@ -88,8 +88,8 @@ double host_bytes_to_load(const Photographs& photographs) {
 
 PhotographFile::PhotographFile(const std::string& path) : file_(path), info_(file_->info()) {}
 
-std::unique_ptr<PixelRows> PhotographFile::rows(int turning) {
-  if (file_ && !is_kept(info_)) return file_->rows(turning);
+std::unique_ptr<PixelRows> PhotographFile::rows(int turning, bool once) {
+  if (file_ && (once || !is_kept(info_))) return file_->rows(turning);
   if (file_) decoded_ = file_->decode(turning);
   file_.reset();
   return std::make_unique<ImageRows>(*decoded_);
@@ -112,12 +112,12 @@ const Image& LoadedPhotograph::made_picture() {
   return *made_;
 }
 
-std::unique_ptr<PixelRows> LoadedPhotograph::picture() {
-  if (file_) return file_->rows(turning_);
+std::unique_ptr<PixelRows> LoadedPhotograph::picture(bool once) {
+  if (file_) return file_->rows(turning_, once);
   return std::make_unique<ImageRows>(made_picture());
 }
 
-std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
+std::unique_ptr<PixelRows> LoadedPhotograph::mask(bool once) {
   if (!listed_.mask) return nullptr;
   if (!mask_file_) mask_file_.emplace(listed_.mask->string());
   const int width = listed_.camera.width, height = listed_.camera.height;
@@ -125,7 +125,7 @@ std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
   if (!is_same_shape(info.width, info.height, width, height))
     fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's shape",
          names().mask, info.width, info.height, names().picture, width, height);
-  return std::make_unique<OwnedMask>(mask_file_->rows(), width, height, photographs_->invert_masks);
+  return std::make_unique<OwnedMask>(mask_file_->rows(1, once), width, height, photographs_->invert_masks);
 }
 
 std::unique_ptr<PixelRows> LoadedPhotograph::object_mask() { return has_object_mask() ? mask() : nullptr; }
@@ -154,7 +154,7 @@ FramedView LoadedPhotograph::framed(const Framing& framing) {
 }
 
 WholeView LoadedPhotograph::whole(int longest) {
-  const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
+  const std::unique_ptr<PixelRows> pixels = picture(true), masks = mask(true);
   const bool object = has_object_mask();
   return whole_view(listed_.camera, *pixels, object ? masks.get() : nullptr, longest, names(),
                     object ? nullptr : masks.get());

@@ -43,8 +43,9 @@ class PhotographFile {
   explicit PhotographFile(const std::string& path);
 
   const ImageInfo& info() const { return info_; }
-  // The rows with the orientation `turning` applied. This must outlive them.
-  std::unique_ptr<PixelRows> rows(int turning = 1);
+  // The rows with the orientation `turning` applied. This must outlive them. `once`: the picture is read once, so it is
+  // decoded row by row, and cached only if it is already.
+  std::unique_ptr<PixelRows> rows(int turning = 1, bool once = false);
 
  private:
   std::optional<ImageFile> file_;  // until the decoded picture replaces it
@@ -76,7 +77,7 @@ class LoadedPhotograph {
   FramedView framed(const Framing& framing);
 
   // The whole picture, its longer side at most `longest` pixels (0: unchanged). With MaskUse::ignore, pixels that the
-  // mask does not cover are unknown.
+  // mask does not cover are unknown. Picture and mask are decoded row by row, and not cached.
   WholeView whole(int longest);
   // Decodes the whole picture and mask, to detect errors.
   void read_through();
@@ -86,9 +87,9 @@ class LoadedPhotograph {
  private:
   PictureNames names() const;
   // Valid as long as this object.
-  std::unique_ptr<PixelRows> picture();
-  std::unique_ptr<PixelRows> mask();         // of the picture's size, white inside; null if none is listed
-  std::unique_ptr<PixelRows> object_mask();  // null if it is to be ignored
+  std::unique_ptr<PixelRows> picture(bool once = false);
+  std::unique_ptr<PixelRows> mask(bool once = false);  // white inside; null if none is listed
+  std::unique_ptr<PixelRows> object_mask();            // null if it is to be ignored
   bool has_object_mask() const { return listed_.mask && photographs_->masks == MaskUse::object; }
   const Image& made_picture();
 

@@ -193,12 +193,14 @@ WholeView whole_view(const Camera& listed, PixelRows& picture, PixelRows* mask, 
   const Window window{0, 0, columns * step, columns, pixels(picture.height)};
   WholeView out;
   out.camera = pinhole(camera, window);
-  out.image = seen_through(picture, mask, window, camera, names);
+  // What is known comes first: it takes as much memory as the picture while it is found.
   if (!is_pinhole(camera.distortion)) out.known = covered(camera, window, nullptr, 0.999f);
-  if (!part) return out;
-  const Image inside = covered(camera, window, part, 0.9f);
-  if (out.known.empty()) out.known = Image(inside.width, inside.height, 1, 1.0f);
-  for (std::size_t i = 0; i < inside.data.size(); ++i) out.known.data[i] *= inside.data[i];
+  if (part) {
+    const Image inside = covered(camera, window, part, 0.9f);
+    if (out.known.empty()) out.known = Image(inside.width, inside.height, 1, 1.0f);
+    for (std::size_t i = 0; i < inside.data.size(); ++i) out.known.data[i] *= inside.data[i];
+  }
+  out.image = seen_through(picture, mask, window, camera, names);
   return out;
 }
 

@@ -2,6 +2,7 @@
 import json
 import math
 import os
+import re
 import unittest
 
 import support
@@ -94,10 +95,44 @@ class FitScene(support.Case):
         with open(self.path("out.ply"), "rb") as f:
             self.assertIn(b"comment vsplat near 0.5\n", f.read(2000))
 
+    def test_the_networks_object_is_among_points(self):
+        self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
+        network = ("--start", "network", "--model", self.model, "--center", "0,0,0", "--scale", 1)
+        _, err = self.succeeds(*self.fit("--scene", *network, views="listed.json", steps=1))
+        # Far ones are added to the points.
+        around = re.search(r"(\d+) of the (\d+) Gaussians at the start lie in the object's cube", err)
+        self.assertEqual(int(around[1]), NEAR_BALL, err)
+        self.assertGreaterEqual(int(around[2]), NEAR_BALL + WALL)
+        with open(self.path("out.fit.json")) as f:
+            record = json.load(f)
+        self.assertEqual(record["derived"]["extent"], "scene")
+        self.assertGreater(record["counts"]["start"], WALL + 100)
+        # An object in the same cube has none of the wall.
+        self.succeeds(*self.fit(*network, views="listed.json", steps=1, output="object.ply"), "--quiet")
+        with open(self.path("object.fit.json")) as f:
+            self.assertEqual(json.load(f)["derived"]["extent"], "object")
+
+    def test_a_dry_run_counts_growth(self):
+        self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
+
+        def planned(*more):
+            out, _ = self.succeeds("fit", self.path("listed.json"), "--dry-run", "--json", *more)
+            return json.loads(out)[0]
+
+        large = ("--max-gaussians", 60000)
+        small, grown = planned("--steps", 2000), planned("--steps", 2000, *large)
+        self.assertGreater(grown["seconds"], 2 * small["seconds"])  # some ten times on an idle machine, once if growth did not count
+        self.assertIn("up to 60000 Gaussians of degree 3", grown["what"])
+        # The memory is counted once.
+        self.succeeds(*self.fit(*large, views="listed.json", steps=3), "--quiet")
+        with open(self.path("out.fit.json")) as f:
+            taken = json.load(f)["figures"]["peak_bytes"]
+        self.assertLess(grown["peak_bytes"], 1.5 * taken)
+        self.assertGreater(grown["peak_bytes"], 0.7 * taken)
+
     def test_what_is_refused(self):
         self.refuses(2, "--object and --scene exclude each other", *self.fit("--object", "--scene"))
         self.refuses(2, ["--center", "--scale", "whole scene"], *self.fit("--scene", "--scale", 2))
-        self.refuses(2, ["--scene", "network"], *self.fit("--scene", "--start", "network"))
         for frame in self.list["frames"]:
             frame["transform_matrix"] = self.list["frames"][0]["transform_matrix"]
         self.write_list("one.json", self.list)

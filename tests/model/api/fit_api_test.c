@@ -165,6 +165,9 @@ static void settings(vsplat_device device, vsplat_views from, vsplat_scene start
   vsplat_fit_options o = make_options(start);
   vsplat_fit fit = NULL;
   char* text = NULL;
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  vsplat_fit_result result = VSPLAT_FIT_RESULT_INIT;
+  int32_t more = 1;
   o.seed = 7, o.longest = 0, o.freeze = VSPLAT_FREEZE_MEANS | VSPLAT_FREEZE_SH;
   EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
   EXPECT(VSPLAT_OK, vsplat_fit_get_settings(fit, &text));
@@ -173,6 +176,11 @@ static void settings(vsplat_device device, vsplat_views from, vsplat_scene start
        strstr(text, "\"strategy\":\"mcmc\"") && strstr(text, "\"background\":\"auto\"") &&
        strstr(text, "\"derived\":{\"extent\":\"object\",") != NULL);
   vsplat_text_free(text);
+  EXPECT(VSPLAT_OK, vsplat_fit_get_plan(fit, &plan));
+  EXPECT(VSPLAT_OK, vsplat_fit_step(fit, NULL, &more));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_result(fit, &result));
+  HOLD(plan.fits == 1 && plan.host_peak > 0 && plan.peak > 0 && plan.peak < 3 * result.peak);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_get_plan(NULL, &plan));
   vsplat_fit_release(fit);
 }
 

@@ -29,7 +29,8 @@ extern "C" {
 /* What the fit starts from. */
 typedef enum vsplat_fit_start {
   VSPLAT_FIT_SCENE = 0,   /* `scene`. It may have seen every picture, so no gain over it is claimed */
-  VSPLAT_FIT_NETWORK = 1, /* what `model` makes of `input`'s views, without those held out */
+  VSPLAT_FIT_NETWORK = 1, /* what `model` makes of `input`'s views, without those held out; of a whole scene that is an
+                             object, and its points, or random ones, are around the object's cube */
   VSPLAT_FIT_POINTS = 2,  /* the sparse points of the views: those in the object's cube, or for a whole scene all that
                              are reliable, and some Gaussians far away where pictures show no points */
   VSPLAT_FIT_RANDOM = 3,  /* random points in the object's cube, or where the pictures look, by the seed */
@@ -104,8 +105,8 @@ typedef struct vsplat_fit_progress {
   uint64_t gaussians;
   double loss;         /* of the last picture: mean absolute error plus the SSIM term; NaN before the first step */
   double psnr;         /* of the held-out views, when last measured; NaN before that */
-  double seconds_left; /* for all phases, estimated from this run's steps in which no kernel was compiled; 0: none
-                          yet */
+  double seconds_left; /* for all phases as the scene grows, with what is measured, estimated from this run's steps in
+                          which no kernel was compiled; 0: none yet */
 } vsplat_fit_progress;
 #define VSPLAT_FIT_PROGRESS_INIT \
   { sizeof(vsplat_fit_progress), {0}, 0, 0, 0, 0.0, 0.0, 0.0 }
@@ -115,8 +116,9 @@ typedef struct vsplat_fit_options {
   vsplat_fit_start start;
   vsplat_scene scene;                /* for VSPLAT_FIT_SCENE */
   vsplat_model model;                /* for VSPLAT_FIT_NETWORK */
-  const vsplat_input_options* input; /* where the object is; for VSPLAT_FIT_NETWORK also which of the used views the
-                                        network gets, never a held-out one; NULL: defaults */
+  const vsplat_input_options* input; /* where the object is, of a whole scene only for VSPLAT_FIT_NETWORK; for that
+                                        also which of the used views the network gets, never a held-out one; NULL:
+                                        defaults */
   const vsplat_reconstruct_options* reconstruct; /* for VSPLAT_FIT_NETWORK; voxels, selection, dump and progress are
                                                     ignored; NULL: defaults */
   const char* const* names; /* [num_names] the views to use, named as in vsplat_input_options, in any number; NULL: all
@@ -219,6 +221,10 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_result(vsplat_fit fit, 
    {"extent", "max_gaussians", "consolidate", "picture", "center", "scale"}; "picture" is the largest one's [width,
    height] in pixels, and a whole scene's "scale" its unit of length. Free the text with vsplat_text_free. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_settings(vsplat_fit fit, char** out_text);
+
+/* The memory that the fit takes at its largest, as it was planned: with as many Gaussians as it grows to, and its
+   largest picture. `peak` includes what the device held before. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_fit_get_plan(vsplat_fit fit, vsplat_plan* out_plan);
 
 typedef enum vsplat_fit_views {
   VSPLAT_FIT_USED = 0,     /* all views used for fitting, in their order */

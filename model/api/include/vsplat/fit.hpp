@@ -49,6 +49,11 @@ class Fit : public FitHandle {
     check(vsplat_fit_get_settings(get(), &out));
     return text(out);
   }
+  vsplat_plan plan() const {
+    vsplat_plan out = VSPLAT_PLAN_INIT;
+    check(vsplat_fit_get_plan(get(), &out));
+    return out;
+  }
   // Indices into the list of views.
   std::vector<int32_t> views(vsplat_fit_views which) const {
     size_t count = 0;

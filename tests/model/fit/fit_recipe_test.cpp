@@ -1,0 +1,56 @@
+#include "model/fit/fit_recipe.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace vsplat {
+namespace {
+
+// Step by step, as a fit grows.
+double counted_mean(const FitRecipe& recipe, long from, long steps, double count) {
+  const FitOptions& o = recipe.options;
+  const auto most = static_cast<double>(o.max_gaussians);
+  bool reduced = recipe.consolidate < 1 && from + from / 3 >= steps;
+  double sum = 0;
+  for (long at = from; at < steps; ++at) {
+    if (!reduced && recipe.consolidate < 1 && at + at / 3 >= steps) {
+      count *= recipe.consolidate;
+      reduced = true;
+    }
+    sum += count;
+    const long done = at + 1;
+    if (!reduced && o.grow_every > 0 && done % o.grow_every == 0 && done < o.grow_until)
+      count = std::max(std::min(o.growth * count, most), count);
+  }
+  return sum / static_cast<double>(steps - from);
+}
+
+TEST(FitRecipe, TheMeanNumberOfGaussiansIsThatOfTheSteps) {
+  FitRequest request;
+  request.steps = 2000;
+  request.whole = true;
+  const FitRecipe grows = fit_recipe(request, 20, 200000, 5000);
+  ASSERT_EQ(grows.options.max_gaussians, 100000);
+  for (const auto& [from, count] : {std::pair(0L, 5000L), {333L, 14000L}, {1600L, 100000L}})
+    EXPECT_NEAR(mean_count(grows, from, 2000, count), counted_mean(grows, from, 2000, static_cast<double>(count)), 100);
+  EXPECT_GT(mean_count(grows, 0, 2000, 5000), 60000);
+  request.whole = false;
+  const FitRecipe halves = fit_recipe(request, 20, 2000, 200);
+  ASSERT_LT(halves.consolidate, 1);
+  for (const auto& [from, count] : {std::pair(0L, 200L), {700L, 2500L}, {1700L, 1500L}})
+    EXPECT_NEAR(mean_count(halves, from, 2000, count), counted_mean(halves, from, 2000, static_cast<double>(count)),
+                10);
+  const FitRecipe stays = fit_recipe({}, 4, 2000, 200);
+  EXPECT_EQ(mean_count(stays, 50, 200, 200), 200);
+}
+
+TEST(FitRecipe, AStepGrowsWithTheGaussiansBesideThePixels) {
+  EXPECT_EQ(step_growth(3000, 500, 500), 1);
+  EXPECT_EQ(step_growth(3000, 500, 2000), 2);
+  EXPECT_EQ(step_growth(3000, 2000, 500), 0.5);
+}
+
+}  // namespace
+}  // namespace vsplat
