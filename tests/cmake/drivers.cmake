@@ -75,8 +75,9 @@ elseif(NOT VSPLAT_SANITIZE)
   add_test(NAME gpu_static_anew COMMAND ${static_check} --anew)
   set_tests_properties(gpu_static_anew PROPERTIES LABELS "drivers;slow" TIMEOUT 1800 SKIP_RETURN_CODE 77 PROCESSORS 2 DEPENDS gpu_static
     ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
-  add_test(NAME gpu_static_check COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/gpu/static_check_test.py)
-  set_tests_properties(gpu_static_check PROPERTIES LABELS drivers TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  add_test(NAME gpu_static_check COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/gpu/static_check_test.py StaticCheck)
+  add_test(NAME gpu_static_ptxas COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/gpu/static_check_test.py Assembler)
+  set_tests_properties(gpu_static_check gpu_static_ptxas PROPERTIES LABELS drivers TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
   set_tests_properties(gpu_static PROPERTIES LABELS drivers TIMEOUT 900 COST 300 SKIP_RETURN_CODE 77 PROCESSORS 2
     ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")

@@ -2,11 +2,12 @@
 """Compiles the kernels with the compilers of GPU drivers, without a GPU: nothing may spill or keep scratch memory.
 
     static_check.py DUMP... [--targets amd:gfx90a,intel:dg2,...] [--only TEXT] [--json FILE] [--cache DIR] [--jobs N]
-                    [--table FILE] [--baseline FILE [--anew]]
+                    [--table FILE] [--baseline FILE [--anew]] [--ptxas PROGRAM]
 
 DUMP is a folder written by `vsplat kernels --dump`; equal programs of several folders are compiled once. Prints for each kernel and target:
 registers, bytes spilled, bytes of private memory (scratch: arrays that did not stay in registers), bytes of local memory, waves that fit
-into a SIMD (AMD) or the SIMD width (Intel), and the share of multiply-adds among the main loop's instructions.
+into a SIMD (AMD), warps that fit into a multiprocessor by their registers (NVIDIA) or the SIMD width (Intel), and the share of multiply-adds
+among the main loop's instructions.
 
 Exits with 1 if a kernel does not compile; if it spills or keeps scratch and no dump's allowed.txt excuses it ("KERNEL TARGET REASON" a line;
 TARGET may be a prefix, intel:); if an excuse is no longer needed; if a kernel uses more than 32 KiB of local memory or groups of more than 256
@@ -15,8 +16,9 @@ writes the table. A target that ends in ? is only reported. The last column of a
 compilers: rows with the same hash are taken from --baseline's table and not compiled, unless --anew is given.
 
 Needs (Debian 12) clang-15, libclc-15 and rocm-device-libs, and a folder made by tests/gpu/fetch_compilers.sh, given by --intel: if installed,
-Intel's compiler would be an OpenCL device, too. AMD's and Intel's compilers are those that their drivers are built on. NVIDIA's own compiler is
-not available; its rows show the result of LLVM's NVPTX back end.
+Intel's compiler would be an OpenCL device, too. AMD's and Intel's compilers are those that their drivers are built on. For NVIDIA, LLVM's
+NVPTX back end writes PTX (the rows nvptx:), and NVIDIA's assembler, ptxas of the CUDA toolkit, makes machine code of it (the rows nvidia:). Where
+there is no ptxas, only nvidia: rows that --baseline's table has already are known; the others are left out, with a message.
 """
 import argparse
 import atexit
@@ -32,7 +34,8 @@ import subprocess
 import sys
 import tempfile
 
-TARGETS = "amd:gfx90a,amd:gfx1030,amd:gfx1100?,intel:dg2,intel:pvc,intel:tgllp,nvptx:sm_80"
+TARGETS = ("amd:gfx90a,amd:gfx1030,amd:gfx1100?,intel:dg2,intel:pvc,intel:tgllp,nvptx:sm_80,nvidia:sm_75,nvidia:sm_80,nvidia:sm_90,"
+           "nvidia:sm_120")
 METHOD = "1"  # identifies how kernels are compiled and measured; change it when that changes
 MOST_LOCAL, MOST_GROUP, SHARE_MARGIN = 32768, 256, 0.02
 MULTIPLY_ADD = re.compile(r"\b(v_fma|v_fmac|v_dual_fmac|v_mad_f|v_mac_f|v_pk_fma|v_dot|v_mfma|v_wmma)\w*|\b(fma\.rn|mma\.)|"
@@ -40,12 +43,16 @@ MULTIPLY_ADD = re.compile(r"\b(v_fma|v_fmac|v_dual_fmac|v_mad_f|v_mac_f|v_pk_fma
 CLANG = "clang-15"
 BITCODE = ("/usr/lib/x86_64-linux-gnu/amdgcn/bitcode", "/usr/lib/amdgcn/bitcode", "/opt/rocm/amdgcn/bitcode")
 LIBCLC = "/usr/lib/clc/nvptx64--.bc"
+LIBCLC_NVIDIA = "/usr/lib/clc/nvptx64--nvidiacl.bc"  # with the registers of work-items, which an assembler needs to know
+NO_OFFSET = "ulong __attribute__((overloadable)) get_global_offset(uint d) { return 0; }\n"  # what it leaves out
+WARPS = {"sm_75": 32, "sm_80": 64, "sm_90": 64, "sm_120": 48}  # of a multiprocessor, at most
+PTXAS = shutil.which("ptxas") or next((path for path in ("/usr/local/cuda/bin/ptxas",) if os.path.exists(path)), "")
 
 
 class Compilers:
     """The compilers' paths; `version` changes with any of them."""
 
-    def __init__(self, intel):
+    def __init__(self, intel, ptxas):
         intel = os.path.abspath(intel) if intel else ""
         self.bitcode = next((d for d in (*([f"{intel}/usr/lib/x86_64-linux-gnu/amdgcn/bitcode"] if intel else []), *BITCODE)
                              if os.path.isdir(d)), None)
@@ -53,6 +60,7 @@ class Compilers:
         self.libraries = f"{intel}/usr/lib/x86_64-linux-gnu" if intel else ""
         self.ocloc = f"{intel}/usr/bin/ocloc" if intel else shutil.which("ocloc")
         self.iga = f"{intel}/usr/bin/iga64" if intel else shutil.which("iga64")
+        self.ptxas = ptxas
 
     @staticmethod
     def with_later_chips(bitcode):
@@ -74,11 +82,11 @@ class Compilers:
     def missing(self, vendors):
         """Returns what a vendor of `vendors` lacks, in words; "" if everything is there."""
         lacks = []
-        if vendors & {"amd", "nvptx"} and not shutil.which(CLANG):
+        if vendors & {"amd", "nvptx", "nvidia"} and not shutil.which(CLANG):
             lacks.append("clang-15")
         if "amd" in vendors and not self.bitcode:
             lacks.append("AMD's device libraries (rocm-device-libs)")
-        if "nvptx" in vendors and not os.path.exists(LIBCLC):
+        if "nvptx" in vendors and not os.path.exists(LIBCLC) or "nvidia" in vendors and not os.path.exists(LIBCLC_NVIDIA):
             lacks.append("libclc-15")
         if "intel" in vendors and not (self.ocloc and os.path.exists(self.ocloc)):
             lacks.append("ocloc (intel-opencl-icd)")
@@ -197,7 +205,26 @@ def nvptx(compilers, source, options, chip, folder):
     return kernels, ""
 
 
-VENDORS = {"amd": amd, "intel": intel, "nvptx": nvptx}
+def nvidia(compilers, source, options, chip, folder):
+    llvm = [CLANG, "-x", "cl", "-target", "nvptx64-nvidia-nvcl", f"-march={'sm_75' if chip == 'sm_75' else 'sm_80'}", "-O3"]
+    pathlib.Path(f"{folder}/offset.cl").write_text(NO_OFFSET)
+    linked = [word for path in (LIBCLC_NVIDIA, f"{folder}/offset.bc") for word in ("-Xclang", "-mlink-bitcode-file", "-Xclang", path)]
+    for command in ([*llvm, "-cl-std=CL1.2", "-emit-llvm", "-c", "-o", f"{folder}/offset.bc", f"{folder}/offset.cl"],
+                    [*llvm, *options, "-Xclang", "-finclude-default-header", *linked, "-S", "-o", f"{folder}/n.ptx", source],
+                    [compilers.ptxas, "-v", f"-arch={chip}", "-o", f"{folder}/n.cubin", f"{folder}/n.ptx"]):
+        done = run(command)
+        if done.returncode:
+            return None, done.stderr
+    kernels = {}
+    for part in done.stderr.split("Compiling entry function '")[1:]:
+        number = lambda what: int((re.search(rf"(\d+) {what}", part) or [0, 0])[1])
+        registers = int(re.search(r"Used (\d+) registers", part)[1])
+        kernels[part.split("'")[0]] = {"registers": registers, "spill": number("bytes spill stores"), "scratch": number("bytes stack frame"),
+                                       "local": number("bytes smem"), "waves": min(WARPS[chip], 65536 // (-(-registers * 32 // 256) * 256))}
+    return kernels, ""
+
+
+VENDORS = {"amd": amd, "intel": intel, "nvptx": nvptx, "nvidia": nvidia}
 
 
 def programs_of(dumps):
@@ -221,7 +248,9 @@ def programs_of(dumps):
 def compiled(compilers, program, target, cache, version, known):
     """Returns rows of all of its kernels. known: {(kernel, target, hash): numbers} that need not be compiled."""
     vendor, chip = target.split(":")
-    if not {vendor, target} & set(program.get("targets", [vendor])):
+    meant = set(program.get("targets", [vendor]))
+    # A program for NVIDIA's matrix units needs those of sm_80.
+    if not ({vendor, target} & meant or vendor == "nvidia" and "nvptx" in meant and chip != "sm_75"):
         return []
     text = open(program["path"]).read()
     key = hashlib.sha256("\0".join((METHOD, version, target, program["options"], text)).encode()).hexdigest()
@@ -231,6 +260,8 @@ def compiled(compilers, program, target, cache, version, known):
         got, why = {kernel: known[kernel, target, digest] for kernel in program["kernels"]}, ""
     elif kept and os.path.exists(kept):
         got, why = json.load(open(kept))
+    elif vendor == "nvidia" and not compilers.ptxas:
+        return [{"kernel": kernel, "target": target, "options": program["options"], "left_out": True} for kernel in program["kernels"]]
     else:
         with tempfile.TemporaryDirectory(prefix="vsplat-static-") as folder:
             source = f"{folder}/source.cl"
@@ -303,7 +334,7 @@ def worse(row, before):
     for key in ("spill", "scratch"):
         if row[key] > (before[key] or 0):
             out.append(f"{key} {before[key] or 0:.0f} -> {row[key]}")
-    if row["target"].startswith("amd") and before["waves"] and row["waves"] < before["waves"]:
+    if row["target"].startswith(("amd", "nvidia")) and before["waves"] and row["waves"] < before["waves"]:
         out.append(f"waves {before['waves']:.0f} -> {row['waves']}")
     if before["share"] and (row.get("share") or 0) < before["share"] - SHARE_MARGIN:
         out.append(f"share of multiply-adds {before['share']:.2f} -> {row.get('share') or 0:.2f}")
@@ -321,10 +352,11 @@ def main():
     ap.add_argument("--anew", action="store_true")
     ap.add_argument("--cache")
     ap.add_argument("--intel", default=os.environ.get("VSPLAT_GPU_COMPILERS", ""))
+    ap.add_argument("--ptxas", default=PTXAS)
     ap.add_argument("--jobs", type=int, default=os.cpu_count())
     a = ap.parse_args()
     targets = {t.rstrip("?"): t.endswith("?") for t in a.targets.split(",")}
-    compilers = Compilers(a.intel)
+    compilers = Compilers(a.intel, a.ptxas)
     if lacks := compilers.missing({t.split(":")[0] for t in targets}):
         print(f"static_check: there is no {lacks} here", file=sys.stderr)
         return 77
@@ -335,7 +367,9 @@ def main():
     known = known_of(a.baseline) if a.baseline and not a.anew else {}
     with concurrent.futures.ThreadPoolExecutor(a.jobs) as pool:
         work = [pool.submit(compiled, compilers, p, t, a.cache, version, known) for p in programs for t in targets]
-        rows = [row for done in work for row in done.result()]
+        every = [row for done in work for row in done.result()]
+    rows = [row for row in every if "left_out" not in row]
+    left_out = len(every) - len(rows)
     rows.sort(key=lambda row: (row["program"], row["kernel"], row["options"], list(targets).index(row["target"])))
     if a.json:
         with open(a.json, "w") as out:
@@ -364,7 +398,7 @@ def main():
             problems.append(f"{where}: groups of {row['group']} items, at most {MOST_GROUP} expected")
     if not a.only and a.targets == TARGETS:
         problems += [f"allowed.txt: {kernel} {target} keeps nothing any longer: take the line away" for kernel, target, _ in excuses
-                     if (kernel, target, _) not in used]
+                     if (kernel, target, _) not in used and not (left_out and target.startswith("nvidia"))]
     if a.baseline:
         before, now = table_rows(a.baseline), {(r["kernel"], r["options"], r["target"]): r for r in rows}
         if not before:
@@ -372,12 +406,14 @@ def main():
         for key, numbers in before.items():
             if key[2] not in targets or targets[key[2]] or (a.only and a.only not in key[0]):
                 continue
-            if key not in now:
+            if key not in now and not (left_out and key[2].startswith("nvidia")):
                 problems.append(f"{' '.join(key)} is in {os.path.basename(a.baseline)}, and no longer in the dump: if that is meant, write the table with --table")
-            elif "error" not in now[key]:
+            elif key in now and "error" not in now[key]:
                 problems += [f"{' '.join(key)}: {what}" for what in worse(now[key], numbers)]
     for problem in problems:
         print(problem, file=sys.stderr)
+    if left_out:
+        print(f"there is no ptxas: {left_out} kernels and targets of NVIDIA are not in {a.baseline or 'a table'}, and left out", file=sys.stderr)
     print(f"{len(rows)} kernels and targets, {len(used)} excuses, {len(problems)} problems", file=sys.stderr)
     if known:
         same = sum((row["kernel"], row["target"], row["digest"]) in known for row in rows)

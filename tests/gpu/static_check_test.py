@@ -8,6 +8,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import static_check  # noqa: E402
+
 CHECK = os.path.join(os.path.dirname(os.path.abspath(__file__)), "static_check.py")
 # An array that is indexed at run time goes to scratch memory; in the other kernel nothing does.
 SOURCE = """
@@ -31,8 +34,9 @@ kernel void large(global float* x, int at) {
 """
 
 
-@unittest.skipUnless(shutil.which("clang-15") and os.path.exists("/usr/lib/clc/nvptx64--.bc"), "no clang-15 or libclc-15")
-class StaticCheck(unittest.TestCase):
+class Dump(unittest.TestCase):
+    """A dump of the kernels above."""
+
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="vsplat-static-")
         self.addCleanup(shutil.rmtree, self.folder, True)
@@ -41,15 +45,18 @@ class StaticCheck(unittest.TestCase):
     def path(self, name):
         return os.path.join(self.folder, name)
 
-    def check(self, kernels, *arguments, group=64, allowed="", options="-cl-std=CL1.2 -DMANY=64", **more):
+    def check(self, kernels, *arguments, group=64, allowed="", options="-cl-std=CL1.2 -DMANY=64", target="nvptx:sm_80", **more):
         """-> exit code, stdout, stderr"""
         about = [{"name": k, "launches": [{"job": "render", "stage": "", "group": [group, 1, 1], "local_bytes": 0}]} for k in kernels]
         with open(self.path("kernels.json"), "w") as out:
             json.dump([{"name": "a", "source": "a.cl", "options": options, "kernels": kernels, "about": about, **more}], out)
         pathlib.Path(self.path("allowed.txt")).write_text(allowed)
-        done = subprocess.run([sys.executable, CHECK, self.folder, "--targets", "nvptx:sm_80", "--intel", "", *arguments], capture_output=True, text=True)
+        done = subprocess.run([sys.executable, CHECK, self.folder, "--targets", target, "--intel", "", *arguments], capture_output=True, text=True)
         return done.returncode, done.stdout, done.stderr
 
+
+@unittest.skipUnless(shutil.which("clang-15") and os.path.exists("/usr/lib/clc/nvptx64--.bc"), "no clang-15 or libclc-15")
+class StaticCheck(Dump):
     def test_what_is_sound_passes(self):
         code, out, err = self.check(["sound", "large"])
         self.assertEqual(code, 0, err)
@@ -113,6 +120,29 @@ class StaticCheck(unittest.TestCase):
         self.assertEqual(os.listdir(self.path("cache")), kept)
         self.assertEqual(self.check(["sound"], "--cache", self.path("cache"), options="-cl-std=CL1.2 -DMANY=65")[0], 0)
         self.assertEqual(len(os.listdir(self.path("cache"))), 2)
+
+
+@unittest.skipUnless(static_check.PTXAS, "no ptxas")
+class Assembler(Dump):
+    def test_nvidias_assembler(self):
+        for chip in ("sm_75", "sm_80", "sm_90", "sm_120"):
+            code, out, err = self.check(["sound", "large"], target=f"nvidia:{chip}")
+            self.assertEqual(code, 0, err)
+            registers, spill, scratch, local, warps = next(line for line in out.splitlines() if line.startswith("large"))[86:].split()[:5]
+            self.assertEqual((spill, scratch, local, int(warps)), ("0", "0", "256", static_check.WARPS[chip]))
+            self.assertGreater(int(registers), 4)
+            code, _, err = self.check(["scratches"], target=f"nvidia:{chip}")
+            self.assertEqual(code, 1)
+            self.assertIn(f"scratches -DMANY=64 on nvidia:{chip}: 0 bytes spilled, 256 of scratch", err)
+        # It holds a table: fewer warps are a problem. Without the assembler, what is not in the table is left out.
+        table = self.path("table.txt")
+        self.assertEqual(self.check(["sound", "large"], "--table", table, target="nvidia:sm_90")[0], 0)
+        self.assertEqual(self.check(["sound", "large"], "--baseline", table, "--ptxas", "", target="nvidia:sm_90")[:2], (0, pathlib.Path(table).read_text()))
+        with open(self.path("a.cl"), "a") as changed:
+            changed.write("kernel void more(global float* x) { x[0] = 1.0f; }\n")
+        code, _, err = self.check(["sound", "large", "more"], "--baseline", table, "--ptxas", "", target="nvidia:sm_90,nvptx:sm_80")
+        self.assertEqual(code, 0, err)
+        self.assertIn("there is no ptxas: 3 kernels", err)
 
 
 if __name__ == "__main__":
