@@ -47,6 +47,7 @@ set(VSPLAT_OPERATIONS
   render/tile_bin
   render/visible
   fit/adamw
+  fit/depth_loss
   fit/exposure
   fit/loss
   fit/lpips

@@ -18,7 +18,7 @@
   /* scenes and drawing */                                                                                           \
   X(antialias) X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)  \
   /* a fit */                                                                                                        \
-  X(background) X(fit_checkpoint) X(fit_extent) X(fit_resume) X(fit_views) X(freeze) X(holdout_count)                 \
+  X(background) X(fit_checkpoint) X(fit_depth) X(fit_extent) X(fit_resume) X(fit_views) X(freeze) X(holdout_count)    \
   X(holdout_names) X(invert_masks) X(longest) X(masks) X(max_gaussians) X(near_plane)                                 \
   /* models */                                                                                                       \
   X(import_config) X(import_fields) X(model) X(model_fields) X(model_init)                                            \

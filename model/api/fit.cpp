@@ -86,6 +86,26 @@ DensityStrategy density_of(const vsplat_density& density) {
   fail(Status::usage, "options.density is {}, not a value of vsplat_density", value_of(density));
 }
 
+// Adds the views' depths.
+void set_depth(const vsplat_fit_options& o, Photographs& photographs, FitRequest& request) {
+  const int depth = value_of(o.depth);
+  if (depth == VSPLAT_FIT_DEPTH_NONE) return;
+  if (depth < 0 || depth > VSPLAT_FIT_DEPTH_POINTS)
+    fail(Status::usage, "options.depth is {}, not a value of vsplat_fit_depth", depth);
+  if (!(o.depth_weight > 0) || !std::isfinite(o.depth_weight))
+    fail(Status::usage, "options.depth_weight is {}: a number above 0 expected", o.depth_weight);
+  if (request.density == DensityStrategy::error)
+    fail(Status::usage, "{} does not go with the density strategy by errors: take mcmc", Option::fit_depth);
+  constexpr const char* words[] = {"none", "metric", "relative", "inverse", "points"};
+  request.depth = words[depth];
+  request.depth_weight = o.depth_weight;
+  if (depth == VSPLAT_FIT_DEPTH_RELATIVE) request.depth_kind = DepthKind::relative;
+  if (depth == VSPLAT_FIT_DEPTH_INVERSE) request.depth_kind = DepthKind::inverse;
+  photographs.depths = depth == VSPLAT_FIT_DEPTH_POINTS
+                           ? point_depths(photographs.set)
+                           : listed_depths(photographs.set, request.depth_kind == DepthKind::metric);
+}
+
 FitBackground background_of(const vsplat_fit_options& o) {
   using Kind = FitBackground::Kind;
   FitBackground out;
@@ -200,6 +220,7 @@ vsplat_status vsplat_fit_create(vsplat_device device, vsplat_views views, const 
     made->photographs = views->photographs;
     made->photographs.masks = masks_of(o.masks);
     made->photographs.invert_masks = o.invert_masks != 0;
+    set_depth(o, made->photographs, request);
     made->used = listed_views(made->photographs.set, request.names, Option::fit_views);
     // Frees the scene drawn before and other models' weights.
     device->residents->drop_idle(o.model);

@@ -66,9 +66,10 @@ void plan_fit_step(const Context& ctx, const Gaussians& start, const FitOptions&
   ExposureCorrection exposure = make_exposure(*planner);
   std::array<double, 6> pose{};
   const FitAside aside{exposure.map.reshaped({12}), exposure.gradient.reshaped({12}), &pose};
-  fitter.step({any_camera(kPicture), planner->tensor({kPicture, kPicture, 4}, Type::u8, "picture"),
-               planner->tensor({kPicture, kPicture}, Type::u8, "known"), true},
-              aside);
+  DeviceFitPicture picture{any_camera(kPicture), planner->tensor({kPicture, kPicture, 4}, Type::u8, "picture"),
+                           planner->tensor({kPicture, kPicture}, Type::u8, "known"), true};
+  if (options.depth_weight > 0) picture.depth = planner->tensor({kPicture, kPicture}, Type::f32, "depth");
+  fitter.step(picture, aside);
   move(*planner, exposure, 1e-3);
 }
 
@@ -91,6 +92,8 @@ void plan_fitting(const Context& ctx) {
   options.grow_until = 2;
   options.noise = options.pull = 1;
   options.antialias = true;
+  options.depth_weight = 0.1f;
+  options.depth_kind = DepthKind::inverse;
   options.background.kind = FitBackground::Kind::sky;
   plan_fit_step(ctx, start, options);
 }

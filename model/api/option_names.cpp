@@ -53,6 +53,7 @@ constexpr CName c_names[] = {
 
     FIELD(background, vsplat_fit_options, background),
     FIELD(fit_checkpoint, vsplat_fit_options, checkpoint),
+    FIELD(fit_depth, vsplat_fit_options, depth),
     FIELD(fit_extent, vsplat_fit_options, extent),
     FIELD(fit_resume, vsplat_fit_options, resume),
     FIELD(fit_views, vsplat_fit_options, names),

@@ -18,7 +18,7 @@ namespace command {
 struct FitOptions {
   std::string steps, size, sheet;
   std::string quality = "draft", seconds, max_gaussians, strategy, consolidate, holdout, sh, freeze, seed, log,
-              checkpoint, background, masks;
+              checkpoint, background, masks, depth, depth_weight;
   std::string page, record;  // paths; "": none
   std::string live;          // a port, or "auto"; "": no live page
   bool poses = false, exposure = false, resume = false, antialias = false, invert_masks = false;

@@ -43,6 +43,18 @@ void set_background(vsplat_fit_options& options, const std::string& text) {
   std::copy(given.begin(), given.end(), options.background_colour);
 }
 
+void set_depth(vsplat_fit_options& options, const FitOptions& o) {
+  options.depth = o.depth == "metric"     ? VSPLAT_FIT_DEPTH_METRIC
+                  : o.depth == "relative" ? VSPLAT_FIT_DEPTH_RELATIVE
+                  : o.depth == "inverse"  ? VSPLAT_FIT_DEPTH_INVERSE
+                  : o.depth == "points"   ? VSPLAT_FIT_DEPTH_POINTS
+                                          : VSPLAT_FIT_DEPTH_NONE;  // already checked by CLI11
+  if (o.depth_weight.empty()) return;
+  if (options.depth == VSPLAT_FIT_DEPTH_NONE) throw UsageError("--depth-weight needs --depth");
+  options.depth_weight =
+      static_cast<float>(positive_number("--depth-weight", o.depth_weight, "weight of the depth's loss"));
+}
+
 }  // namespace
 
 FitJob::FitJob(const FitOptions& o, const FitNames& names)
@@ -58,6 +70,7 @@ FitJob::FitJob(const FitOptions& o, const FitNames& names)
   set_background(options, o.background);
   if (o.masks == "ignore") options.masks = VSPLAT_MASKS_IGNORE;  // already checked by CLI11
   options.invert_masks = o.invert_masks;
+  set_depth(options, o);
   options.checkpoint = checkpoint_.empty() ? nullptr : checkpoint_.c_str();
   options.resume = o.resume;
   if (o.resume && checkpoint_.empty()) throw UsageError("--resume needs --checkpoint, the folder of the state");

@@ -294,6 +294,19 @@ std::vector<CLI::Option*> add_fit_settings(CLI::App& app, FitSettings& o) {
       ->type_name("object|ignore")
       ->group(behind);
   app.add_flag("--invert-masks", o.fit.invert_masks, "Masks are black inside, not white")->group(behind);
+  const char* depth = "Depth";
+  app.add_option(
+         "--depth", o.fit.depth,
+         "Depths that are compared with the drawn ones: metric, distances in the depth pictures that the list names "
+         "(depth_file_path); relative, those but for a scale and a shift of each picture; inverse, the same of 1 / "
+         "distance, as networks for single pictures make them; points, of the COLMAP points that a picture sees "
+         "(default: none)")
+      ->check(one_of({"none", "metric", "relative", "inverse", "points"}))
+      ->type_name("none|metric|relative|inverse|points")
+      ->group(depth);
+  app.add_option("--depth-weight", o.fit.depth_weight, "Weight of the depths' loss beside the colours' (default: 0.1)")
+      ->type_name("W")
+      ->group(depth);
   app.add_flag("--poses", o.fit.poses,
                "Also correct the cameras slightly, and write them beside the scene in the format of cameras.json: "
                "SCENE.poses.json")

@@ -55,6 +55,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_reconstruct_options, selection, "--selection"),
     FIELD(vsplat_fit_options, background, "--background"),
     FIELD(vsplat_fit_options, checkpoint, "--checkpoint"),
+    FIELD(vsplat_fit_options, depth, "--depth"),
     FIELD(vsplat_fit_options, extent, "--scene"),
     FIELD(vsplat_fit_options, freeze, "--freeze"),
     FIELD(vsplat_fit_options, holdout_count, "--holdout"),

@@ -6,10 +6,17 @@
 
 namespace vsplat {
 
+std::size_t bytes_of(const FitPicture& picture) {
+  return picture.rgba.size() + picture.known.size() + picture.depth.size() * sizeof(float);
+}
+
 DeviceFitPicture upload(Context& ctx, const FitPicture& picture) {
   const long h = picture.camera.height, w = picture.camera.width;
   DeviceFitPicture out{picture.camera, ctx.upload({h, w, 4}, picture.rgba, Type::u8, "picture"), {}, picture.masked};
   if (!picture.known.empty()) out.known = ctx.upload({h, w}, picture.known, Type::u8, "known pixels");
+  if (!picture.depth.empty()) out.depth = ctx.upload({h, w}, picture.depth, Type::f32, "depth");
+  out.known_depths =
+      static_cast<double>(std::count_if(picture.depth.begin(), picture.depth.end(), [](float v) { return v > 0; }));
   out.known_share = known_share(picture);
   out.window_share = known_window_share(picture.known, picture.camera.width, picture.camera.height);
   return out;

@@ -18,7 +18,10 @@ struct FitPicture {
   std::vector<std::uint8_t> rgba;   // [H,W,4]: colour premultiplied by alpha, alpha
   std::vector<std::uint8_t> known;  // [H,W]: the mask, 0 where a pixel is unknown; empty: every pixel is known
   bool masked = false;              // whether alpha marks the object; otherwise alpha is 1 at every known pixel
+  std::vector<float> depth = {};    // [H,W]: as DepthLoss::given, in the frame of the fit; empty: none is given
 };
+
+std::size_t bytes_of(const FitPicture& picture);
 
 // A FitPicture in device memory.
 struct DeviceFitPicture {
@@ -27,6 +30,8 @@ struct DeviceFitPicture {
   bool masked = false;
   double known_share = 1;   // of the pixels
   double window_share = 1;  // known_window_share()
+  Tensor depth = {};        // f32 [H,W], or empty
+  double known_depths = 0;  // pixels with a given depth
 };
 
 DeviceFitPicture upload(Context& ctx, const FitPicture& picture);

@@ -10,8 +10,6 @@
 namespace vsplat {
 namespace {
 
-std::size_t bytes_of(const FitPicture& picture) { return picture.rgba.size() + picture.known.size(); }
-
 std::vector<std::uint8_t> as_bytes(const Image& image, const std::string& name) {
   std::vector<std::uint8_t> out(image.data.size());
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -28,8 +26,9 @@ std::vector<std::uint8_t> as_bytes(const Image& image, const std::string& name) 
 
 }  // namespace
 
-FitPictures::FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap)
-    : photographs_(photographs), to_world_(to_world), longest_(longest), cap_(cap) {}
+FitPictures::FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap,
+                         bool metric_depths)
+    : photographs_(photographs), to_world_(to_world), longest_(longest), cap_(cap), metric_depths_(metric_depths) {}
 
 std::shared_ptr<const FitPicture> FitPictures::load(int view) const {
   const HostSpan span(HostKind::host, "decode pictures", photographs_.set.views[static_cast<std::size_t>(view)].name);
@@ -42,6 +41,11 @@ std::shared_ptr<const FitPicture> FitPictures::load(int view) const {
   out->camera = to_frame(whole.camera, to_world_);
   out->rgba = as_bytes(whole.image, name);
   for (const float known : whole.known.data) out->known.push_back(known > 0.5f ? 1 : 0);
+  out->depth = photograph.depths(whole);
+  for (std::size_t i = 0; i < out->depth.size(); ++i) {
+    const bool shows = (out->known.empty() || out->known[i] != 0) && out->rgba[4 * i + 3] > 127;
+    out->depth[i] = !shows ? 0 : metric_depths_ ? static_cast<float>(out->depth[i] / to_world_.scale) : out->depth[i];
+  }
   return out;
 }
 

@@ -17,8 +17,10 @@ class FitPictures {
  public:
   // `to_world` maps the frame of the fit to the world. A picture's longer side is at most `longest` pixels (0: the
   // picture's own size). `cap`: bytes of host memory for all cached pictures; the picture that was asked for last is
-  // cached even above it. Others stay in their files, and are decoded again.
-  FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap);
+  // cached even above it. Others stay in their files, and are decoded again. `metric_depths`: whether depths are
+  // lengths.
+  FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap,
+              bool metric_depths = true);
 
   // Decodes the picture unless it is cached; one at a time. Errors as those of LoadedPhotograph; Error(input) if a
   // pixel's value is not a number.
@@ -50,6 +52,7 @@ class FitPictures {
   Similarity to_world_;
   int longest_;
   std::size_t cap_, bytes_ = 0;
+  bool metric_depths_;
   std::map<int, Kept> kept_;
   std::list<int> ages_;            // the most recently used first
   std::map<int, Camera> cameras_;  // of all pictures that at() has returned

@@ -31,8 +31,9 @@ FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const
   if (options.antialias) fitter.set_cameras({camera});
   fitter.plan_grown();
   const long h = camera.height, w = camera.width;
-  const DeviceFitPicture picture{camera, planner->tensor({h, w, 4}, Type::u8, "picture"),
-                                 planner->tensor({h, w}, Type::u8, "known"), true};
+  DeviceFitPicture picture{camera, planner->tensor({h, w, 4}, Type::u8, "picture"),
+                           planner->tensor({h, w}, Type::u8, "known"), true};
+  if (options.depth_weight > 0) picture.depth = planner->tensor({h, w}, Type::f32, "depth");
   fitter.step(picture);
   fitter.measure(picture);
   return {planner->memory().peak(), planner->stage_memory()};

@@ -126,6 +126,8 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
   out.consolidate = request.consolidate > 0 ? request.consolidate : halves ? kObjectShare : 1;
   o.density = request.density;
   o.background = request.background;
+  o.depth_weight = request.depth_weight;
+  o.depth_kind = request.depth_kind;
   o.seed = request.seed;
   if (request.freeze.means) o.rates.means = 0;
   if (request.freeze.scales) o.rates.log_scales = 0;

@@ -192,7 +192,8 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     const long h = picture.camera.height, w = picture.camera.width;
     const Tensor target = c.tensor({h, w, 3}, Type::f32, "target");
     PictureGradient by{c.tensor({h, w, 3}, Type::f32, "loss by the picture"), {}, {}};
-    if (alpha_weight > 0 || sky_) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
+    const bool by_depth = options_.depth_weight > 0 && picture.depth;
+    if (alpha_weight > 0 || sky_ || by_depth) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
     DevicePicture shown = drawn;
     if (sky_) shown.colour = sky_->shown(c, drawn, view);
     // The exposure is also the sky's, but not that of a background which no camera saw.
@@ -212,6 +213,11 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     const PictureGradient exposed{by.colour, sky_ ? Tensor() : by.alpha, {}};
     if (aside.exposure) exposure_backward(c, {aside.exposure, whole, how.background, exposed, aside.dexposure});
     if (sky_) sky_->differentiate(c, drawn, view, by);
+    if (by_depth) {
+      by.depth = c.tensor({h, w}, Type::f32, "loss by depth");
+      depth_loss(c, {drawn, picture.depth, options_.depth_kind, options_.depth_weight, picture.known_depths, by.depth,
+                     by.alpha});
+    }
     if (scores) {
       by.depth = c.tensor({h, w}, Type::f32, "error");
       splat_error(c, shown.colour, target, by.depth);

@@ -11,6 +11,7 @@
 #include "model/fit/density/density.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_picture.h"
+#include "model/ops/fit/depth_loss.h"
 #include "model/ops/fit/loss.h"
 #include "model/render/render.h"
 #include "model/render/render_backward.h"
@@ -32,6 +33,8 @@ struct FitOptions {
   long colours_first = 0;     // initial steps that change only colours and opacities
   float ssim_weight = 0;      // weight of 1 - SSIM in the loss, added to the mean absolute error
   float alpha_weight = 0.1f;  // weight of alpha's mean absolute error; masked pictures only
+  float depth_weight = 0;     // weight of DepthLoss; pictures with a given depth only, and not with scores
+  DepthKind depth_kind = DepthKind::metric;
   FitBackground background;
   SkySphere sky;                               // where a sky's Gaussians are
   float drop = 0;                              // share of Gaussians dropped in a step

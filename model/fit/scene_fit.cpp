@@ -95,7 +95,8 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       given(std::move(s)),
       request(std::move(r)),
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
-      pictures(p, to_world, request.longest, std::min(kMostCached, host_memory_limit() / kCacheOfHost)) {
+      pictures(p, to_world, request.longest, std::min(kMostCached, host_memory_limit() / kCacheOfHost),
+               request.depth_kind == DepthKind::metric) {
   const auto begun = Clock::now();
   if (request.antialias)
     given.make = [make = std::move(given.make)](const std::vector<int>& views) {

@@ -51,6 +51,9 @@ struct FitRequest {
   DensityStrategy density = DensityStrategy::mcmc;
   double consolidate = 0;  // share of the Gaussians that stays for the last quarter of the steps; 0: the recipe's
   FitBackground background;
+  float depth_weight = 0;  // with Photographs::depths; 0: they are not used
+  std::string depth;       // what they are, as `vsplat fit --depth` calls it
+  DepthKind depth_kind = DepthKind::metric;
   std::uint64_t seed = 0;
   // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,
   // the fit continues from the checkpoint there.

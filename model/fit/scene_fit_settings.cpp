@@ -66,6 +66,8 @@ std::string SceneFit::settings() const {
       {"background", background_text(r.background)},
       {"masks", i.photographs.masks == MaskUse::ignore ? "ignore" : "object"},
       {"invert-masks", i.photographs.invert_masks},
+      {"depth", or_null(r.depth_weight > 0, r.depth)},
+      {"depth-weight", or_null(r.depth_weight > 0, static_cast<double>(r.depth_weight))},
       {"poses", r.poses},
       {"exposure", r.exposure},
   };

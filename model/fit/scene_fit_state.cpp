@@ -51,6 +51,8 @@ std::string SceneFit::Impl::text_of_request() const {
                        exact_text(static_cast<double>(r.background.colour[0])),
                        exact_text(static_cast<double>(r.background.colour[1])),
                        exact_text(static_cast<double>(r.background.colour[2])));
+  if (r.depth_weight > 0)
+    out += fmt::format(" depth {} weight {}", r.depth, exact_text(static_cast<double>(r.depth_weight)));
   if (photographs.masks != MaskUse::object || photographs.invert_masks)
     out += fmt::format(" masks {} {}", static_cast<int>(photographs.masks), photographs.invert_masks);
   for (const Leg& each : legs) {

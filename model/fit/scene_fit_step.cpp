@@ -32,7 +32,7 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   const std::shared_ptr<const FitPicture> picture = read_picture(view);
   waited += 1e-9 * static_cast<double>(now_ns() - begun);
   ++reads;
-  const std::size_t bytes = picture->rgba.size() + picture->known.size();
+  const std::size_t bytes = bytes_of(*picture);
   if (resident_bytes + bytes > room.on_device) {
     passing = {};
     passing = upload(ctx, *picture);

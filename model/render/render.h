@@ -28,11 +28,11 @@ struct RenderOptions {
   // Gaussian is visible and touches `assumed_tiles` tiles.
   std::function<VisibleCount(const Part&)> counts;
   double assumed_tiles = 8;
-  // A part of the picture with more pairs of Gaussians and tiles is halved, even if they would fit into memory; 0: none.
-  // Gradients depend on the parts in their last bits.
+  // A part of the picture with more pairs of Gaussians and tiles is halved, even if they would fit into memory; 0:
+  // none. Gradients depend on the parts in their last bits.
   std::uint64_t most_pairs = 0;
-  // Called with the number of pairs of Gaussians and tiles in the whole picture, before it is drawn. If it returns true,
-  // it has changed the Gaussians, and they are culled again.
+  // Called with the number of pairs of Gaussians and tiles in the whole picture, before it is drawn. If it returns
+  // true, it has changed the Gaussians, and they are culled again.
   std::function<bool(std::uint64_t pairs)> counted;
   // For surfels only; requesting maps of volumes is an error.
   SurfelMaps maps = {};

@@ -160,6 +160,10 @@ WholeView LoadedPhotograph::whole(int longest) {
                     object ? nullptr : masks.get());
 }
 
+std::vector<float> LoadedPhotograph::depths(const WholeView& whole) const {
+  return photographs_->depths ? photographs_->depths(view_, listed_.camera, whole.camera) : std::vector<float>();
+}
+
 void check_masks_of(const Photographs& photographs, std::span<const int> views) {
   std::vector<MaskShares> masks;
   for (const int view : views)

@@ -8,6 +8,7 @@
 #include "model/io/views/view_set.h"
 #include "model/views/auto_frame.h"
 #include "model/views/mask_check.h"
+#include "model/views/view_depth.h"
 #include "model/views/views.h"
 
 namespace vsplat {
@@ -23,6 +24,7 @@ struct Photographs {
   ViewSet set;
   // Makes the picture of a view (by its index; 3 or 4 channels). If empty, pictures are read from the views' files.
   std::function<Image(int)> picture = {};
+  ViewDepths depths = {};  // empty: of no view
   MaskUse masks = MaskUse::object;
   bool invert_masks = false;  // black is inside
 };
@@ -79,6 +81,8 @@ class LoadedPhotograph {
   // The whole picture, its longer side at most `longest` pixels (0: unchanged). With MaskUse::ignore, pixels that the
   // mask does not cover are unknown. Picture and mask are decoded row by row, and not cached.
   WholeView whole(int longest);
+  // The depths of the pixels of what whole() returned, in the world's unit; empty if there are none.
+  std::vector<float> depths(const WholeView& whole) const;
   // Decodes the whole picture and mask, to detect errors.
   void read_through();
   // Whether a mask or an alpha channel marks the object. extent(), shares() and framed() use only such masks.

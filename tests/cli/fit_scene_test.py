@@ -3,6 +3,7 @@ import json
 import math
 import os
 import re
+import struct
 import unittest
 
 import support
@@ -129,6 +130,46 @@ class FitScene(support.Case):
             taken = json.load(f)["figures"]["peak_bytes"]
         self.assertLess(grown["peak_bytes"], 1.5 * taken)
         self.assertGreater(grown["peak_bytes"], 0.7 * taken)
+
+    def test_depth(self):
+        """From random points, depths that are given bring the Gaussians to their places."""
+        def drawn(scene, folder):
+            self.succeeds("render", self.path(scene), "--cameras", self.path("transforms.json"), "--images", self.path(folder), "--quiet",
+                          "--maps", "expected", "--background", "black")
+            pictures = [support.read_png(self.path(folder, f"{i:04}.expected.png")) for i in range(12)]
+            return [struct.unpack(f">{48 * 36}H", pixels) for _, _, pixels in pictures]
+
+        truth = drawn("truth.ply", "depth")
+
+        def written(name, of):
+            """A list with depth pictures that have `of` of each depth in thousandths."""
+            os.makedirs(self.path(name), exist_ok=True)
+            frames = []
+            for i, frame in enumerate(self.list["frames"]):
+                support.write_grey_png(self.path(name, f"{i}.png"), 48, 36, [round(of(v)) if v else 0 for v in truth[i]])
+                frames.append({**frame, "depth_file_path": f"{name}/{i}.png"})
+            self.write_list(f"{name}.json", {**self.list, "frames": frames})
+            return f"{name}.json"
+
+        def fitted(name, *more, views="transforms.json"):
+            out, _ = self.succeeds(*self.fit("--scene", "--start", "random", *more, views=views, output=f"{name}.ply", steps=400), "--json")
+            off = [abs(math.log(is_at / at)) for was, now in zip(truth, drawn(f"{name}.ply", name)) for at, is_at in zip(was, now) if at and is_at]
+            return sum(off) / len(off), json.loads(out)["result"]["psnr"]
+
+        plain, psnr = fitted("plain")
+        with open(self.path("plain.fit.json")) as f:
+            self.assertIsNone(json.load(f)["settings"]["depth"])
+        for kind, of in (("metric", lambda v: v), ("relative", lambda v: 3 * v + 4000), ("inverse", lambda v: 6e7 / v - 2000)):
+            with self.subTest(kind=kind):
+                error, other = fitted(kind, "--depth", kind, views=written(f"{kind}_depth", of))
+                self.assertLess(error, 0.5 * plain)
+                self.assertGreater(other, psnr - (0.3 if kind == "metric" else 1))
+                with open(self.path(f"{kind}.fit.json")) as f:
+                    self.assertEqual(json.load(f)["settings"]["depth"], kind)
+        self.refuses(2, "--depth-weight needs --depth", *self.fit("--depth-weight", 1))
+        self.refuses(1, ["--depth", "no frame names one"], *self.fit("--depth", "metric"))
+        self.refuses(1, ["--depth", "only a COLMAP model"], *self.fit("--depth", "points"))
+        self.refuses(2, ["--depth", "mcmc"], *self.fit("--depth", "metric", "--strategy", "error", views="metric_depth.json"))
 
     def test_what_is_refused(self):
         self.refuses(2, "--object and --scene exclude each other", *self.fit("--object", "--scene"))

@@ -34,6 +34,14 @@ def write_png(path, width, height, rows):
                 + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b""))
 
 
+def write_grey_png(path, width, height, values):
+    """16 bits; values: whole numbers, by rows."""
+    chunk = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    data = b"".join(b"\0" + struct.pack(f">{width}H", *values[width * y:width * (y + 1)]) for y in range(height))
+    pathlib.Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0))
+                                   + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b""))
+
+
 def read_png(path):
     """Returns width, height, and the bytes of all pixels (8-bit RGB or RGBA, or 16-bit grey: two bytes each)."""
     data = pathlib.Path(path).read_bytes()

@@ -314,7 +314,8 @@ class _FitOptions(_Struct):
                 ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32),
                 ("checkpoint", c.c_char_p), ("resume", c.c_int32), ("near_plane", c.c_double), ("extent", c.c_int), ("quality", c.c_int),
                 ("antialias", c.c_int32), ("density", c.c_int), ("consolidate", c.c_double), ("background", c.c_int),
-                ("background_colour", c.c_float * 3), ("masks", c.c_int), ("invert_masks", c.c_int32)]
+                ("background_colour", c.c_float * 3), ("masks", c.c_int), ("invert_masks", c.c_int32), ("depth", c.c_int),
+                ("depth_weight", c.c_float)]
 
 
 class _FitProgress(_Struct):

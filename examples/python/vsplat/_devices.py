@@ -98,7 +98,8 @@ class Device(_Handle):
     def fit(self, views: Views, start: Scene | Model | None = None, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
                poses: bool = False, exposure: bool = False, antialias: bool = False, seed: int = 0, progress: Progress | None = None,
                strategy: str = "mcmc", consolidate: float = 0.0, background: Sequence[float] | str = "auto", masks: str = "object",
-               invert_masks: bool = False, extent: str = "object", quality: str = "draft", near_plane: float = 0.0) -> Scene:
+               invert_masks: bool = False, extent: str = "object", quality: str = "draft", near_plane: float = 0.0,
+               depth: str = "none", depth_weight: float = 0.1) -> Scene:
         """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
         the model that makes one from the views, or None: their sparse points, or random ones; `extent`: "object", "scene" for all that
         the pictures show, or "auto"; `quality`: "draft", "normal" or "high", for steps and size; `near_plane`: 0: the start's;
@@ -106,7 +107,9 @@ class Device(_Handle):
         `longest`: longer side of the pictures in pixels (0: unscaled); `strategy`: "mcmc" adds Gaussians where opaque ones are, "error"
         splits those that cover the pictures' errors; `consolidate`: share of the Gaussians that stays for the last quarter of the steps
         (0: half of an object's). `background`, where transmittance is left: "auto", a colour (three numbers from 0 to 1), "random" or
-        "sky"; `masks`, what is outside them: "object" (nothing) or "ignore" (takes no part). An exception in `progress` ends the fit; if it returns
+        "sky"; `masks`, what is outside them: "object" (nothing) or "ignore" (takes no part); `depth`, what
+        drawn depths are compared with: "metric", "relative" or "inverse", the depth pictures that the list names, or "points", COLMAP's
+        points, with `depth_weight` (vsplat_fit_options). An exception in `progress` ends the fit; if it returns
         False, the result is the best scene so far."""
         if start is not None and not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")
@@ -120,6 +123,8 @@ class Device(_Handle):
         if plain:
             options.background_colour = _numbers(background, c.c_float, 3, "background")
         options.masks, options.invert_masks = _choice(masks, "masks", ("object", "ignore")), invert_masks
+        options.depth = _choice(depth, "depth", ("none", "metric", "relative", "inverse", "points"))
+        options.depth_weight = depth_weight
         if start is not None:
             setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
         handle = c.c_void_p()

@@ -116,8 +116,11 @@ const FileBytes& checked_header(const FileBytes& file) {
 
 // An opened file and the channels to read from it.
 struct Opened {
-  explicit Opened(const FileBytes& file)
-      : stream(checked_header(file)), parts(stream, 0), channels(find_exr_channels(file.path, parts)) {
+  Opened(const FileBytes& file, bool depth)
+      : stream(checked_header(file)),
+        parts(stream, 0),
+        channels(depth ? find_exr_depth(file.path, parts) : find_exr_channels(file.path, parts)),
+        is_depth(depth) {
     check_kind(file, header());
   }
   const Imf::Header& header() const { return parts.header(channels.part); }
@@ -135,6 +138,7 @@ struct Opened {
   MemoryInput stream;
   Imf::MultiPartInputFile parts;
   ExrChannels channels;
+  bool is_depth;  // values are kept as they are stored
 };
 
 float in_unit(float v) {
@@ -179,7 +183,7 @@ class ExrRows : public FileRows {
     if (at_ < height) return;
     read_below();
     if (!found_.layer.empty()) verbose("{}: its layer \"{}\" is read", file_.path, printable(found_.layer));
-    if (odd_ > 0)
+    if (odd_ > 0 && !opened_->is_depth)
       warn("{}: {} of its values are not finite: NaN is read as 0, and infinity as the end of the range", file_.path,
            odd_);
   }
@@ -208,6 +212,7 @@ class ExrRows : public FileRows {
       for (std::size_t i = 0; i < count; i += channels) band_[i + 1] = band_[i + 2] = band_[i];
     odd_ += std::count_if(band_.begin(), band_.begin() + static_cast<std::ptrdiff_t>(count),
                           [](float v) { return !std::isfinite(v); });
+    if (opened_->is_depth) return;
     for (std::size_t i = 0; i < count; i += channels) to_display(&band_[i], has_alpha());
   }
 
@@ -239,14 +244,21 @@ bool is_exr(const FileBytes& file) {
 }
 
 ImageInfo exr_info(const FileBytes& file) {
-  return checked(file, [&] { return Opened(file).info(); });
+  return checked(file, [&] { return Opened(file, false).info(); });
 }
 
-std::unique_ptr<FileRows> open_exr(const FileBytes& file) {
+namespace {
+
+std::unique_ptr<FileRows> open(const FileBytes& file, bool depth) {
   return checked(file, [&]() -> std::unique_ptr<FileRows> {
-    return std::make_unique<ExrRows>(file, std::make_unique<Opened>(file));
+    return std::make_unique<ExrRows>(file, std::make_unique<Opened>(file, depth));
   });
 }
+
+}  // namespace
+
+std::unique_ptr<FileRows> open_exr(const FileBytes& file) { return open(file, false); }
+std::unique_ptr<FileRows> open_exr_depth(const FileBytes& file) { return open(file, true); }
 
 std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour,
                                       const std::vector<PictureLayer>& layers) {

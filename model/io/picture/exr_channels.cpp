@@ -100,6 +100,21 @@ ExrChannels find_exr_channels(const std::string& path, const Imf::MultiPartInput
        path, candidates.size(), printable(layers));
 }
 
+ExrChannels find_exr_depth(const std::string& path, const Imf::MultiPartInputFile& file) {
+  std::vector<ExrChannels> all;
+  for (int part = 0; part < file.parts(); ++part) {
+    const Imf::ChannelList& list = file.header(part).channels();
+    for (auto it = list.begin(); it != list.end(); ++it) {
+      const std::string name = it.name();
+      all.push_back({part, "", {name}, ""});
+      if (name == "Z" || name == "z") return all.back();
+    }
+  }
+  if (all.size() == 1) return all[0];
+  fail(Status::format, "{}: an EXR with the channels {}; a channel Z with depths is expected, or one channel alone",
+       path, printable(all_channels(file).names));
+}
+
 void check_exr_channels(const std::string& path, const Imf::Header& header, const ExrChannels& channels) {
   std::vector<std::string> names = channels.colours;
   if (!channels.alpha.empty()) names.push_back(channels.alpha);

@@ -23,6 +23,10 @@ struct ExrChannels {
 // candidate or several.
 ExrChannels find_exr_channels(const std::string& path, const Imf::MultiPartInputFile& file);
 
+// As grey, the channel Z without a layer of the first part that has it, else the only channel of a file with one.
+// Error(format) lists the channels if there is neither.
+ExrChannels find_exr_depth(const std::string& path, const Imf::MultiPartInputFile& file);
+
 // Error(format) if the channels hold integers or are subsampled.
 void check_exr_channels(const std::string& path, const Imf::Header& header, const ExrChannels& channels);
 

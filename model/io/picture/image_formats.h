@@ -48,6 +48,8 @@ ImageInfo bmp_info(const FileBytes& file);
 std::unique_ptr<FileRows> open_png(const FileBytes& file);
 std::unique_ptr<FileRows> open_jpeg(const FileBytes& file);
 std::unique_ptr<FileRows> open_exr(const FileBytes& file);
+// The channel Z, else the only one, as stored, three times.
+std::unique_ptr<FileRows> open_exr_depth(const FileBytes& file);
 std::unique_ptr<FileRows> open_tiff(const FileBytes& file);
 // As open_tiff() with another limit on the bytes that decoding may hold, including the file. A long strip is then
 // unpacked in pieces.

@@ -327,6 +327,29 @@ ColmapChoice choose_colmap_model(const fs::path& folder) {
   return out;
 }
 
+std::map<std::uint32_t, std::string> colmap_image_names(const fs::path& model) {
+  std::map<std::uint32_t, std::string> out;
+  if (holds(model, "bin")) {
+    ColmapBytes in(file_of(model, "images", "bin"));
+    const std::uint64_t n = in.count("images", 4 + 7 * 8 + 4 + 2 + 8);
+    for (std::uint64_t i = 0; i < n; ++i) {
+      const auto id = in.read<std::uint32_t>("an image's id");
+      in.skip(7 * 8 + 4);
+      out[id] = in.text("an image's name");
+      in.skip(24 * in.count("points", 24));
+    }
+    return out;
+  }
+  ColmapLines in(file_of(model, "images", "txt"));
+  while (in.record_line()) {
+    const auto id = in.value<std::uint32_t>("IMAGE_ID");
+    for (int k = 0; k < 8; ++k) in.word();
+    out[id] = in.rest();
+    if (!in.any_line()) break;
+  }
+  return out;
+}
+
 fs::path find_colmap_model(const fs::path& folder) { return choose_colmap_model(folder).folder; }
 
 ViewSet read_colmap(const fs::path& folder) {

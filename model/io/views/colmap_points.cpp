@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <functional>
 
 #include "model/io/any_case.h"
 #include "model/io/views/colmap.h"
@@ -33,7 +34,10 @@ void check(const std::string& where, const ColoredPoint& point) {
     fail(Status::input, "{}: ERROR is {}, a finite number is expected", where, point.error);
 }
 
-std::vector<ColoredPoint> read_binary(const fs::path& path) {
+// Called with a point and an image that sees it.
+using Sighting = std::function<void(const ColoredPoint& point, std::uint32_t image)>;
+
+std::vector<ColoredPoint> read_binary(const fs::path& path, const Sighting& sighting) {
   ColmapBytes in(path);
   const std::uint64_t n = in.count("points", point_bytes);
   std::vector<ColoredPoint> out;
@@ -45,7 +49,11 @@ std::vector<ColoredPoint> read_binary(const fs::path& path) {
     for (std::uint8_t& c : point.rgb) c = in.read<std::uint8_t>("a point's colour");
     point.error = in.read<double>("a point's error");
     point.track = in.count("observations", track_bytes);
-    in.skip(track_bytes * point.track);
+    if (!sighting) in.skip(track_bytes * point.track);
+    for (std::uint64_t k = 0; sighting && k < point.track; ++k) {
+      sighting(point, in.read<std::uint32_t>("an image's id"));
+      in.skip(4);
+    }
     check(fmt::format("{}: point {}", in.path(), id), point);
     out.push_back(point);
   }
@@ -53,7 +61,7 @@ std::vector<ColoredPoint> read_binary(const fs::path& path) {
   return out;
 }
 
-std::vector<ColoredPoint> read_text(const fs::path& path) {
+std::vector<ColoredPoint> read_text(const fs::path& path, const Sighting& sighting) {
   constexpr const char* positions[] = {"X", "Y", "Z"};
   constexpr const char* colours[] = {"R", "G", "B"};
   ColmapLines in(path);
@@ -70,7 +78,13 @@ std::vector<ColoredPoint> read_text(const fs::path& path) {
     point.error = in.value<double>("ERROR");
     check(fmt::format("{} (point {})", in.where(), id), point);
     std::uint64_t words = 0;
-    while (!in.word().empty()) ++words;
+    while (!in.rest().empty()) {
+      const bool image = words++ % 2 == 0;
+      if (sighting && image)
+        sighting(point, in.value<std::uint32_t>("IMAGE_ID"));
+      else
+        in.word();
+    }
     if (words % 2 != 0)
       fail(Status::format, "{}: after ERROR come pairs IMAGE_ID POINT2D_IDX; found {} words", in.where(), words);
     point.track = words / 2;
@@ -87,6 +101,27 @@ fs::path model_of(const fs::path& path) {
   return own && is_colmap_model(folder) ? folder : find_colmap_model(folder);
 }
 
+fs::path need_model(const fs::path& path) {
+  fs::path out = model_of(path);
+  if (out.empty())
+    fail(Status::file,
+         "{}: no COLMAP model whose points could be read: cameras, images and points3D, as .bin or .txt, are expected "
+         "in "
+         "sparse/0, sparse, colmap or the folder itself",
+         path.string());
+  return out;
+}
+
+std::vector<ColoredPoint> read_points(const fs::path& model, const Sighting& sighting) {
+  const fs::path file = colmap_points_file(model);
+  if (file.empty())
+    fail(Status::file, "{}: the COLMAP model has no points: points3D.bin or points3D.txt is expected", model.string());
+  std::vector<ColoredPoint> out =
+      lower_case(file.extension().string()) == ".bin" ? read_binary(file, sighting) : read_text(file, sighting);
+  if (out.empty()) fail(Status::input, "{}: lists no points", file.string());
+  return out;
+}
+
 }  // namespace
 
 fs::path colmap_points_file(const fs::path& model) {
@@ -95,19 +130,15 @@ fs::path colmap_points_file(const fs::path& model) {
   return {};
 }
 
-std::vector<ColoredPoint> read_colmap_points(const fs::path& path) {
-  const fs::path folder = model_of(path);
-  if (folder.empty())
-    fail(Status::file,
-         "{}: no COLMAP model whose points could be read: cameras, images and points3D, as .bin or .txt, are expected "
-         "in "
-         "sparse/0, sparse, colmap or the folder itself",
-         path.string());
-  const fs::path file = colmap_points_file(folder);
-  if (file.empty())
-    fail(Status::file, "{}: the COLMAP model has no points: points3D.bin or points3D.txt is expected", folder.string());
-  std::vector<ColoredPoint> out = lower_case(file.extension().string()) == ".bin" ? read_binary(file) : read_text(file);
-  if (out.empty()) fail(Status::input, "{}: lists no points", file.string());
+std::vector<ColoredPoint> read_colmap_points(const fs::path& path) { return read_points(need_model(path), {}); }
+
+std::map<std::string, std::vector<Eigen::Vector3d>> read_colmap_sightings(const fs::path& path) {
+  const fs::path model = need_model(path);
+  const std::map<std::uint32_t, std::string> names = colmap_image_names(model);
+  std::map<std::string, std::vector<Eigen::Vector3d>> out;
+  read_points(model, [&](const ColoredPoint& point, std::uint32_t image) {
+    if (const auto at = names.find(image); at != names.end()) out[at->second].push_back(point.position);
+  });
   return out;
 }
 

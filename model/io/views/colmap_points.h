@@ -4,6 +4,8 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <string>
 #include <vector>
 
 namespace vsplat {
@@ -23,5 +25,8 @@ std::filesystem::path colmap_points_file(const std::filesystem::path& model);
 // as those cameras: the files do not say). Error(file) if there is no model or no points3D, Error(format) if it is
 // damaged, Error(input) if a number is not finite or no point is listed. Memory is bounded by the size of the file.
 std::vector<ColoredPoint> read_colmap_points(const std::filesystem::path& path);
+
+// For each image of the model, by its name, the points that it sees. `path` and errors as for read_colmap_points().
+std::map<std::string, std::vector<Eigen::Vector3d>> read_colmap_sightings(const std::filesystem::path& path);
 
 }  // namespace vsplat

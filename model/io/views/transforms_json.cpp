@@ -183,6 +183,11 @@ void read_frame(ListedView& view, const std::filesystem::path& path, const json&
     if (mask.find('\0') != std::string::npos) fail(Status::format, "{}: mask_path is no path", fields.where());
     if (!mask.empty()) view.mask = mask;
   }
+  if (fields.in_frame("depth_file_path")) {
+    const std::string depth = fields.text_or("depth_file_path", "");
+    if (depth.find('\0') != std::string::npos) fail(Status::format, "{}: depth_file_path is no path", fields.where());
+    view.depth = depth;
+  }
   check_intrinsics(fields.where(), camera);
 }
 
@@ -222,6 +227,11 @@ ViewSet parse_transforms_json(const std::filesystem::path& path, const json& roo
     if (!(*out.aabb_half >= least && *out.aabb_half <= kFarthestOffset))
       fail(Status::input, "{}: aabb_half is {}, a number between {} and {} is expected", where, *out.aabb_half, least,
            kFarthestOffset);
+  }
+  if (const auto at = root.find("depth_unit_scale_factor"); at != root.end() && !at->is_null()) {
+    out.depth_unit = number(where, "depth_unit_scale_factor", *at);
+    if (!(*out.depth_unit > 0))
+      fail(Status::input, "{}: depth_unit_scale_factor is {}, a number above 0 is expected", where, *out.depth_unit);
   }
   if (const auto at = root.find("ply_file_path"); at != root.end() && !at->is_null()) {
     const std::string points = at->is_string() ? at->get<std::string>() : std::string(1, '\0');

@@ -208,6 +208,18 @@ void find_listed_masks(ViewSet& set, const ReadOptions& options, Roots& roots) {
     if (set.views[i].mask) set.views[i].mask = files[i].path.empty() ? beside / *set.views[i].mask : files[i].path;
 }
 
+// Depth pictures exactly as listed, relative to the list: a picture that is found by the end of its path could be the
+// photograph.
+void find_listed_depths(ViewSet& set, Roots& roots) {
+  const fs::path beside = set.source.parent_path();
+  ListedFiles where({beside}, beside, &roots);
+  for (ListedView& view : set.views) {
+    if (view.depth.empty()) continue;
+    const FoundFile found = where.find(view.depth.string());
+    view.depth = found.exactly && !found.path.empty() ? found.path : beside / view.depth;
+  }
+}
+
 // Finds the pictures. Returns the folders that may contain a folder of masks.
 std::vector<fs::path> find_pictures(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
   if (is_a_folder(set.source)) {
@@ -253,6 +265,7 @@ void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& opt
   std::vector<fs::path> mask_places;
   attempt([&](ViewSet& with) { mask_places = find_pictures(with, given, options, roots); });
   attempt([&](ViewSet& with) { find_masks(with, mask_places, options, roots); });
+  if (options.use_pictures) find_listed_depths(set, roots);
 }
 
 }  // namespace vsplat

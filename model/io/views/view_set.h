@@ -32,6 +32,7 @@ struct ListedView {
   std::string name;                           // as listed
   std::filesystem::path picture;              // empty if there is no such file
   std::optional<std::filesystem::path> mask;  // black is background; its existence is checked on use
+  std::filesystem::path depth = {};  // a picture of depth, "" if none is listed; its existence is checked on use
   Split split = Split::none;
   std::string problem = {};  // why the view cannot be used; its camera is then meaningless, and it has no picture
   Status problem_status = Status::input;
@@ -46,6 +47,7 @@ struct ViewSet {
   PoseConvention convention = PoseConvention::opencv_w2c;
   std::filesystem::path points = {};  // a PLY file of sparse points (ply_file_path of transforms.json), or ""
   bool lists_masks = false;           // the list itself names masks
+  std::optional<double> depth_unit;   // of depth pictures in the world's unit of length (depth_unit_scale_factor)
   bool leaves_out_bad = false;        // set for BadViews::leave_out
   // For messages, "" if there is nothing to report: the first missing picture's name in the list and where it was
   // searched for, how many masks were found, and the choices among several files.

@@ -111,6 +111,17 @@ typedef struct vsplat_fit_progress {
 #define VSPLAT_FIT_PROGRESS_INIT \
   { sizeof(vsplat_fit_progress), {0}, 0, 0, 0, 0.0, 0.0, 0.0 }
 
+/* Depths that drawings are compared with, beside the pictures' colours. */
+typedef enum vsplat_fit_depth {
+  VSPLAT_FIT_DEPTH_NONE = 0,
+  VSPLAT_FIT_DEPTH_METRIC = 1,   /* the depth pictures that a transforms.json names (depth_file_path: grey PNG of whole
+                                    numbers in units of depth_unit_scale_factor, a thousandth if that is not there, or
+                                    the channel Z of an EXR): distances along the camera's axis, 0 where unknown */
+  VSPLAT_FIT_DEPTH_RELATIVE = 2, /* the same, but for a scale and a shift of each picture, which are found out */
+  VSPLAT_FIT_DEPTH_INVERSE = 3,  /* the same of 1 / distance, as networks for single pictures make them */
+  VSPLAT_FIT_DEPTH_POINTS = 4    /* of the points of a COLMAP model, in the pictures that see them */
+} vsplat_fit_depth;
+
 typedef struct vsplat_fit_options {
   size_t size;
   vsplat_fit_start start;
@@ -157,13 +168,18 @@ typedef struct vsplat_fit_options {
   vsplat_background background;
   float background_colour[3]; /* red, green, blue in [0,1]; for VSPLAT_BACKGROUND_COLOUR */
   vsplat_masks masks;
-  int32_t invert_masks; /* 1: masks are black inside, not white */
+  int32_t invert_masks;   /* 1: masks are black inside, not white */
+  vsplat_fit_depth depth; /* not with VSPLAT_DENSITY_ERROR */
+  /* Weight of the depth's loss, the mean over pixels with a known depth of
+     alpha |log(drawn depth) - log(depth)| + 1 - alpha, added to the mean absolute error of colours. Above 0 with
+     `depth`. */
+  float depth_weight;
 } vsplat_fit_options;
 #define VSPLAT_FIT_OPTIONS_INIT                                                                                        \
   {                                                                                                                    \
     sizeof(vsplat_fit_options), VSPLAT_FIT_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
         0.0, 0, -1, -1, 0, 0, 0, 0, NULL, 0, 0.0, VSPLAT_EXTENT_OBJECT, VSPLAT_QUALITY_DRAFT, 0, VSPLAT_DENSITY_MCMC,  \
-        0.0, VSPLAT_BACKGROUND_AUTO, {1.0, 1.0, 1.0}, VSPLAT_MASKS_OBJECT, 0                                           \
+        0.0, VSPLAT_BACKGROUND_AUTO, {1.0, 1.0, 1.0}, VSPLAT_MASKS_OBJECT, 0, VSPLAT_FIT_DEPTH_NONE, 0.1               \
   }
 
 /* A fit in progress. Belongs to its device. */
