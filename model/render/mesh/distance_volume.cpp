@@ -15,6 +15,7 @@ using Eigen::Vector3d, Eigen::Vector3f, Eigen::Vector3i;
 // The weight of a ray that passes freely. It counts less than one that ends nearby: a few rays through gaps between
 // Gaussians do not make holes, and many still clear what floats.
 constexpr float kFree = 0.2f;
+constexpr float kFarColour = 1e-3f;
 
 // A picture's numbers in the precision of the points.
 struct DistanceVolume::View {
@@ -22,7 +23,8 @@ struct DistanceVolume::View {
   Vector3f first;                       // the grid's first point, in camera coordinates
   std::array<Vector3f, 3> step;         // from a point to the next, along each axis
   float fx, fy, cx, cy, width, height;  // pixels
-  float truncation, full;               // world units; behind the surface by more than `full`, weights decline
+  // World units; weights decline behind the surface by more than `full`, and those of colours on both sides to 0.
+  float truncation, full, colours;
 
   View(const DepthPicture& from, const Vector3d& low, double voxel, double truncated)
       : picture(from),
@@ -35,7 +37,8 @@ struct DistanceVolume::View {
         width(static_cast<float>(from.camera.width)),
         height(static_cast<float>(from.camera.height)),
         truncation(static_cast<float>(truncated)),
-        full(static_cast<float>(voxel)) {
+        full(static_cast<float>(voxel)),
+        colours(static_cast<float>(std::min(4 * voxel, truncated))) {
     for (std::size_t axis = 0; axis < 3; ++axis)
       step[axis] = (voxel * from.camera.w2c.col(static_cast<Eigen::Index>(axis)).head<3>()).cast<float>();
   }
@@ -131,7 +134,9 @@ void DistanceVolume::fuse_block(std::size_t block, const View& v) {
         if (depth > 0 && !v.picture.weight.empty()) weight *= v.picture.weight[pixel];
         point->weight += weight;
         point->distance += weight / point->weight * (std::min(before, v.truncation) - point->distance);
-        const float near = weight * (1 - std::abs(before) / v.truncation);
+        // Colours come from the nearest surfaces alone, unless there are only others.
+        const float away = std::abs(before);
+        const float near = weight * (std::max(1 - away / v.colours, 0.0f) + kFarColour * (1 - away / v.truncation));
         if (!(near > 0)) continue;
         point->colour_weight += near;
         for (std::size_t c = 0; c < 3; ++c)

@@ -223,7 +223,8 @@ SurfaceMesh mesh_of(Context& ctx, const Scene& scene, const SceneMeshOptions& op
   const Box box = box_for(options, small);
   const double edge = (box.high - box.low).maxCoeff();
   if (!(edge > 0)) fail(Status::input, "the scene's surface is a single point: there is nothing to mesh");
-  const double voxel = edge / options.voxels, truncation = std::max(4 * voxel, edge / 80);
+  // Depths of Gaussians scatter from view to view; where they disagree by more than the truncation, holes stay.
+  const double voxel = edge / options.voxels, truncation = std::max(4 * voxel, edge / 32);
   DistanceVolume volume(box.low, box.high, voxel, truncation);
   for (const DepthPicture& picture : small) volume.mark(picture.camera, picture.depth);
   small.clear();
