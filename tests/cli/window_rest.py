@@ -22,6 +22,9 @@ x.XCheckTypedEvent.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p]
 x.XSendEvent.argtypes = [ctypes.c_void_p, id_, ctypes.c_int, ctypes.c_long, ctypes.c_void_p]
 x.XSync.argtypes = [ctypes.c_void_p, ctypes.c_int]
 
+# A window may be gone between its listing and the question for its title. Xlib ends the process on an error without a handler.
+ignored = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(lambda display, error: 0)
+x.XSetErrorHandler(ignored)
 display = x.XOpenDisplay(None)
 root = x.XDefaultRootWindow(display)
 
