@@ -57,6 +57,7 @@ TEST_P(DepthLossOp, AnUnknownScaleAndShiftDoNotMatter) {
   std::vector<float> want = expected_;
   for (std::size_t i = 0; i < kCount; ++i) want[i] *= i % 2 == 0 ? 1.1f : 0.9f;
   const Slopes plain = run(want, DepthKind::relative);
+  EXPECT_EQ(std::count(plain.ddepth.begin(), plain.ddepth.end(), 0.0f), 0);
   for (const auto& [scale, shift] : {std::pair(0.1f, 0.2f), {0.05f, 0.0f}}) {
     std::vector<float> given = want;
     for (float& v : given) v = scale * v + shift;
@@ -65,7 +66,9 @@ TEST_P(DepthLossOp, AnUnknownScaleAndShiftDoNotMatter) {
   std::vector<float> inverse = want, other;
   for (float& v : inverse) v = 1 / v;
   for (const float v : inverse) other.push_back(0.5f * v + 0.3f);
-  EXPECT_EQ(run(inverse, DepthKind::inverse).ddepth, run(other, DepthKind::inverse).ddepth);
+  const Slopes of_inverse = run(inverse, DepthKind::inverse);
+  EXPECT_EQ(std::count(of_inverse.ddepth.begin(), of_inverse.ddepth.end(), 0.0f), 0);
+  EXPECT_EQ(run(other, DepthKind::inverse).ddepth, of_inverse.ddepth);
 }
 
 TEST_P(DepthLossOp, UnknownOrImpossibleDepthsDoNotPull) {
