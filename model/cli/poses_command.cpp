@@ -47,9 +47,9 @@ void add_poses(CLI::App& app, Run& run) {
       ->group(group);
   sub->add_option("--lens", o->lens,
                   "Model of the lenses: opencv has two focal lengths and four distortions, radial one of each "
-                  "(default: auto, opencv if every lens took 12 pictures or more)")
-      ->check(one_of({"auto", "opencv", "radial", "fisheye"}))
-      ->type_name("auto|opencv|radial|fisheye")
+                  "(default: radial)")
+      ->check(one_of({"radial", "opencv", "fisheye"}))
+      ->type_name("radial|opencv|fisheye")
       ->group(group);
   sub->add_option("--gpu", o->gpu,
                   "Whether COLMAP uses CUDA (default: auto, if it is built with it and there is a GPU)")

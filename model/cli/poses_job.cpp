@@ -25,7 +25,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr int usual_frames = 40;
 constexpr std::size_t always_exhaustive = 50, usually_exhaustive = 200;  // pictures
-constexpr std::size_t enough_for_opencv = 12;                            // pictures of one lens
 
 std::string counted(std::uint64_t count, const std::string& what) {
   return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
@@ -178,11 +177,7 @@ void PosesJob::make_masks() {
 
 void PosesJob::choose_settings() {
   if (groups_.empty()) groups_ = group_by_lens(in_work("images"), names_);
-  const bool many = std::all_of(groups_.begin(), groups_.end(),
-                                [](const LensGroup& group) { return group.names.size() >= enough_for_opencv; });
-  camera_model_ = o_.lens == "fisheye"                                 ? "OPENCV_FISHEYE"
-                  : o_.lens == "opencv" || (o_.lens == "auto" && many) ? "OPENCV"
-                                                                       : "SIMPLE_RADIAL";
+  camera_model_ = o_.lens == "fisheye" ? "OPENCV_FISHEYE" : o_.lens == "opencv" ? "OPENCV" : "SIMPLE_RADIAL";
   const std::size_t count = names_.size();
   if (o_.matcher != "auto") {
     matcher_ = o_.matcher == "exhaustive"   ? Matcher::exhaustive

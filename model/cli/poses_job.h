@@ -14,7 +14,7 @@ namespace command {
 
 struct PosesOptions {
   Common common;
-  std::string pictures, output, colmap = "colmap", matcher = "auto", vocabulary, lens = "auto", gpu = "auto";
+  std::string pictures, output, colmap = "colmap", matcher = "auto", vocabulary, lens = "radial", gpu = "auto";
   std::string mask_command;
   int frames = 0;  // 0: the default
   bool mask_features = false;

@@ -324,6 +324,7 @@ class StandIn(Folder):
             return self.poses("--json", *more, pictures=folder)["matcher"]
         open(self.path("tree.bin"), "w").close()
         self.assertEqual(matcher(199, "{:04}.png"), "exhaustive")
+        self.assertEqual(self.value(self.calls("feature_extractor")[-1], "--ImageReader.camera_model"), "SIMPLE_RADIAL")
         self.assertEqual(matcher(200, "frame_{:04}.png"), "sequential")
         self.assertIn("no vocabulary tree", self.last)
         self.assertEqual(matcher(200, "{:04}x.png"), "exhaustive")
