@@ -8,6 +8,7 @@ import {add, dot, length, perpendicular, sub, turned, unit} from './vectors.js';
 
 const element = (id) => document.getElementById(id);
 const FIELD = 0.8;  // radians, of the window's shorter side
+const FAR = 10;     // times as far from the middle as the median: a sky, or a stray Gaussian
 const BACKGROUNDS = [[1, 1, 1], [0.5, 0.5, 0.5], [0, 0, 0]];
 
 function bytesOf(id) {
@@ -17,16 +18,27 @@ function bytesOf(id) {
   return out;
 }
 
-// The median of what is opaque, and how far from it nearly all of that is.
+// The median of what is opaque, how far from it nearly all of that is, and how far the farthest. As in `vsplat render`, a sky does not count:
+// neither a shell that holds most Gaussians nor what is more than ten times as far away as the median.
 function extent({count, properties: p}) {
   const step = Math.max(1, Math.floor(count / 20000));
   let points = [];
   for (let i = 0; i < count; i += step) if (p.opacity[i] > -2) points.push([p.x[i], -p.y[i], -p.z[i]]);
   if (!points.length) points = [[0, 0, 0]];
   const middle = (values) => values.sort((a, b) => a - b)[values.length >> 1];
-  const centre = [0, 1, 2].map((c) => middle(points.map((v) => v[c])));
-  const away = points.map((v) => length(sub(v, centre))).sort((a, b) => a - b);
-  return {centre, radius: away[Math.floor(0.95 * (away.length - 1))] || 1, most: away[away.length - 1] || 1};
+  const centreOf = (some) => [0, 1, 2].map((c) => middle(some.map((v) => v[c])));
+  const distancesFrom = (some, centre) => some.map((v) => length(sub(v, centre))).sort((a, b) => a - b);
+  let centre = centreOf(points), away = distancesFrom(points, centre);
+  const most = away[away.length - 1] || 1;
+  const shell = away[away.length >> 1], inside = away.filter((d) => d < 0.9 * shell);
+  const inShell = away.filter((d) => Math.abs(d - shell) <= 0.1 * shell).length;
+  if (2 * inShell >= away.length && inside.length && FAR * inside[inside.length >> 1] <= shell) {
+    points = points.filter((v) => length(sub(v, centre)) < 0.9 * shell);
+    centre = centreOf(points);
+    away = distancesFrom(points, centre);
+  }
+  away = away.filter((d) => d <= FAR * away[away.length >> 1]);
+  return {centre, radius: away[Math.floor(0.95 * (away.length - 1))] || 1, most};
 }
 
 class Page {
