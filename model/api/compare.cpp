@@ -32,9 +32,13 @@ Image clamped(const float* data, int width, int height) {
 vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index, const char* folder, char** out_path) {
   return guarded([&] {
     need(cameras, "cameras");
-    need(folder, "folder");
     need(out_path, "out_path");
+    cameras->at(index);
     std::error_code error;
+    if (!folder) {
+      *out_path = new_text(index < cameras->listed.views.size() ? cameras->listed.views[index].picture.string() : "");
+      return;
+    }
     if (!std::filesystem::is_directory(folder, error)) fail(Status::file, "{}: no such folder of pictures", folder);
     const std::string& listed = cameras->at(index).file;
     const std::string name = listed.empty() ? fmt::format("{:04}", index) : listed;

@@ -58,7 +58,8 @@ std::vector<PageCamera> page_cameras(const PageViews& views) {
     camera.camera = all[i];
     camera.name = index_text(i);
     try {
-      const std::string file = listed.find_picture(i, folder);
+      std::string file = views.pictures.empty() ? listed.find_picture(i) : "";
+      if (file.empty()) file = listed.find_picture(i, folder);
       if (file.empty()) continue;
       camera.name = fs::path(file).filename().string();
       camera.picture = photograph(listed, i, file, count > few_cameras ? small : large, views);

@@ -95,6 +95,20 @@ class Pages(support.Case):
         self.succeeds("view", self.scene, "--cameras", self.views, "--output", page, "--no-open", "--overwrite")
         self.assertEqual([bool(c["picture"]) for c in json.loads(element(page, "about"))["cameras"]], [True, False, True])
 
+    def test_photographs_of_a_colmap_folder(self):
+        """They lie in images/ beside the model, as `vsplat poses` writes them."""
+        folder, page = pathlib.Path(self.path("set")), self.path("s.html")
+        model = folder / "sparse" / "0"
+        model.mkdir(parents=True)
+        os.rename(self.path("views", "images"), folder / "images")
+        (model / "cameras.txt").write_text(f"1 PINHOLE {self.SIDE} {self.SIDE} 20 20 8 8\n")
+        (model / "images.txt").write_text("".join(f"{i + 1} 1 0 0 0 {0.1 * i} 0 4 1 {i}.png\n\n" for i in range(3)))
+        (model / "points3D.txt").write_text("")
+        _, err = self.succeeds("view", self.scene, "--cameras", folder, "--output", page, "--no-open")
+        self.assertNotIn("looked for", err)
+        self.assertEqual([(c["name"], bool(c["picture"])) for c in json.loads(element(page, "about"))["cameras"]],
+                         [(f"{i}.png", True) for i in range(3)])
+
     def test_a_scene_that_spz_cannot_hold_is_named(self):
         far = self.path("far.ply")
         support.write_scene(far, [((1e9, 0, 0), (1, 0, 0), 0.1, 0.9)])
@@ -221,6 +235,20 @@ class Shown(support.Case):
         out = pixels(shown.screenshot(self.path("seen.png")))[2]
         shown.evaluate("vsplat.bare(false)")
         return out
+
+    def test_a_sky_is_seen_from_inside(self):
+        """A shell far around the scene, as a fitted sky is, does not count in the first view: the scene fills it."""
+        scene, page, rest = self.path("sky.ply"), self.path("sky.html"), random.Random(5)
+        for shell, scene_count in ((40, 200), (400, 100)):  # fewer and more Gaussians than the scene has
+            sky = []
+            for _ in range(shell):
+                at = [rest.gauss(0, 1) for _ in range(3)]
+                sky.append(([300 * v / math.hypot(*at) for v in at], (0.5, 0.5, 0.5), 60, 0.9))
+            ball = [([0.3 * rest.gauss(0, 1) for _ in range(3)], (1, 0, 0), 0.15, 0.95) for _ in range(scene_count)]
+            support.write_scene(scene, sky + ball)
+            self.succeeds("view", scene, "--output", page, "--no-open", "--overwrite", "--quiet")
+            red = is_near((255, 0, 0), self.seen(self.shown(page)))
+            self.assertGreater(red, self.SIZE * self.SIZE / 20, f"{shell} Gaussians of a sky")
 
     @support.slow
     def test_the_gnome(self):  # Pages covers what is in the file

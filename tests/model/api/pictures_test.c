@@ -185,6 +185,10 @@ static void comparisons(void) {
   vsplat_text_free(path);
   EXPECT(VSPLAT_OK, vsplat_cameras_find_picture(keys, 1, ".", &path));
   HOLD(path && strcmp(path, "./0001.png") == 0);
+  EXPECT(VSPLAT_OK, vsplat_cameras_find_picture(keys, 0, NULL, &none)); /* the list was read before a.jpg was there */
+  HOLD(none && strcmp(none, "") == 0);
+  vsplat_text_free(none);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_find_picture(keys, 2, NULL, &none));
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_cameras_load_picture(keys, 1, path, height, width, background, loaded, floats));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_load_picture(keys, 1, path, width, height, background, loaded, floats - 1));
   EXPECT(VSPLAT_OK, vsplat_cameras_load_picture(keys, 1, path, width, height, background, loaded, floats));

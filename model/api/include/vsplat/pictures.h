@@ -80,7 +80,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_animation_save(vsplat_animation
 
 /* Finds the picture in `folder` that belongs to camera `index`, as vsplat_views_load finds one in its `pictures`, or by
    the index in four digits ("0007") if the list names no file. *out_path becomes "" if there is none; the log then says
-   where it was searched. VSPLAT_ERROR_INPUT: several files match. */
+   where it was searched. `folder` NULL: the picture that vsplat_cameras_load found beside the list or in the pictures'
+   folder of a COLMAP model, without a word in the log if there is none. VSPLAT_ERROR_INPUT: several files match. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index,
                                                                       const char* folder, char** out_path);
 

@@ -73,10 +73,10 @@ class Cameras : public CamerasHandle {
     check(vsplat_cameras_path(get(), count, &out));
     return Cameras(out);
   }
-  // Returns "" if there is none.
-  std::string find_picture(size_t index, const std::string& folder) const {
+  // Returns "" if there is none. `folder` "": where the list's own pictures are.
+  std::string find_picture(size_t index, const std::string& folder = "") const {
     char* out = nullptr;
-    check(vsplat_cameras_find_picture(get(), index, folder.c_str(), &out));
+    check(vsplat_cameras_find_picture(get(), index, folder.empty() ? nullptr : folder.c_str(), &out));
     return text(out);
   }
   // The size as the camera saw the picture.
