@@ -25,8 +25,8 @@ void keep_unless_few(std::vector<ColoredPoint>& points, const std::function<bool
   if (kept.size() >= std::max(kLeastPoints, points.size() / 10)) points = std::move(kept);
 }
 
-void keep_reliable(std::vector<ColoredPoint>& points) {
-  keep_unless_few(points, [](const ColoredPoint& p) { return p.track >= kLeastTrack && p.error <= kMostError; });
-}
+bool is_reliable(const ColoredPoint& point) { return point.track >= kLeastTrack && point.error <= kMostError; }
+
+void keep_reliable(std::vector<ColoredPoint>& points) { keep_unless_few(points, is_reliable); }
 
 }  // namespace vsplat

@@ -16,7 +16,10 @@ std::optional<Eigen::Vector3d> seen_at(const Camera& camera, const Eigen::Vector
 // Keeps the points for which `keep` is true, unless fewer than a tenth of them, or fewer than 30, would be left.
 void keep_unless_few(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep);
 
-// Keeps the points that at least three pictures see, with an error of at most two pixels, unless few would be left.
+// At least three pictures see it, with an error of at most two pixels.
+bool is_reliable(const ColoredPoint& point);
+
+// Keeps the reliable points, unless few would be left.
 void keep_reliable(std::vector<ColoredPoint>& points);
 
 }  // namespace vsplat

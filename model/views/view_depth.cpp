@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -80,14 +79,15 @@ ViewDepths point_depths(const ViewSet& set) {
     fail(Status::input,
          "{}: {} asks for the depths of points, and only a COLMAP model tells which pictures see which point",
          set.source.string(), Option::fit_depth);
-  const auto seen =
-      std::make_shared<const std::map<std::string, std::vector<Eigen::Vector3d>>>(read_colmap_sightings(set.source));
-  return [&set, seen](int view, const Camera&, const Camera& shown) {
+  const auto all = std::make_shared<const ColmapSightings>(read_colmap_sightings(set.source));
+  return [&set, all](int view, const Camera&, const Camera& shown) {
     std::vector<float> out(pixels_of(shown), 0.0f);
-    const auto points = seen->find(set.views[static_cast<std::size_t>(view)].name);
-    if (points == seen->end()) return out;
-    for (const Eigen::Vector3d& point : points->second) {
-      const std::optional<Eigen::Vector3d> at = seen_at(shown, point);
+    const auto seen = all->seen_by.find(set.views[static_cast<std::size_t>(view)].colmap_image);
+    if (seen == all->seen_by.end()) return out;
+    for (const std::size_t index : seen->second) {
+      const ColoredPoint& point = all->points[index];
+      if (!is_reliable(point)) continue;
+      const std::optional<Eigen::Vector3d> at = seen_at(shown, point.position);
       if (!at) continue;
       const auto x = static_cast<std::size_t>(at->x()), y = static_cast<std::size_t>(at->y());
       float& depth = out[std::min(y * static_cast<std::size_t>(shown.width) + x, out.size() - 1)];

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <vector>
 
 #include "runtime/fail.h"
 #include "runtime/precision.h"
@@ -46,7 +47,9 @@ std::vector<VariableProblem> environment_problems() {
   while (!units.empty()) {
     const std::string unit = units.substr(0, units.find(','));
     if (std::none_of(kMatrixUnits.begin(), kMatrixUnits.end(), [&](MatrixUnit u) { return unit == name_of(u); })) {
-      refuse("VSPLAT_MATRIX", "a comma-separated list of emulated, ptx, dpas, wmma, mfma, avx512bf16");
+      std::vector<const char*> names;
+      for (const MatrixUnit each : kMatrixUnits) names.push_back(name_of(each));
+      refuse("VSPLAT_MATRIX", fmt::format("a comma-separated list of {}", fmt::join(names, ", ")));
       break;
     }
     units.erase(0, unit.size() + 1);

@@ -156,6 +156,7 @@ std::vector<ListedView> read_images_binary(const fs::path& path, const Cameras& 
     for (double& v : pose) v = in.read<double>("an image's pose");
     const auto camera_id = in.read<std::uint32_t>("an image's camera");
     ListedView& view = out.emplace_back();
+    view.colmap_image = id;
     view.name = view.camera.file = in.text("an image's name");
     in.skip(24 * in.count("points", 24));
     const std::string where = fmt::format("{}: image {} ({})", in.path(), id, printable(view.name));
@@ -225,6 +226,7 @@ std::vector<ListedView> read_images_text(const fs::path& path, const Cameras& ca
     ListedView& view = out.emplace_back();
     noting_problems(view, [&] {
       const auto id = in.value<std::uint32_t>("IMAGE_ID");
+      view.colmap_image = id;
       double pose[7];
       for (double& v : pose) v = in.value<double>("the pose");
       const auto camera_id = in.value<std::uint32_t>("CAMERA_ID");
@@ -323,29 +325,6 @@ ColmapChoice choose_colmap_model(const fs::path& folder) {
                               out.folder.string(), found.folder.string());
       break;
     }
-  }
-  return out;
-}
-
-std::map<std::uint32_t, std::string> colmap_image_names(const fs::path& model) {
-  std::map<std::uint32_t, std::string> out;
-  if (holds(model, "bin")) {
-    ColmapBytes in(file_of(model, "images", "bin"));
-    const std::uint64_t n = in.count("images", 4 + 7 * 8 + 4 + 2 + 8);
-    for (std::uint64_t i = 0; i < n; ++i) {
-      const auto id = in.read<std::uint32_t>("an image's id");
-      in.skip(7 * 8 + 4);
-      out[id] = in.text("an image's name");
-      in.skip(24 * in.count("points", 24));
-    }
-    return out;
-  }
-  ColmapLines in(file_of(model, "images", "txt"));
-  while (in.record_line()) {
-    const auto id = in.value<std::uint32_t>("IMAGE_ID");
-    for (int k = 0; k < 8; ++k) in.word();
-    out[id] = in.rest();
-    if (!in.any_line()) break;
   }
   return out;
 }

@@ -1,8 +1,6 @@
 // A COLMAP sparse model: cameras and images, binary (preferred) or text. colmap_points.h reads its points; rigs and
 // frames are not read.
 #pragma once
-#include <cstdint>
-#include <map>
 #include <string>
 
 #include "model/io/views/view_set.h"
@@ -22,9 +20,6 @@ struct ColmapChoice {
 // number of images is read from a model.
 ColmapChoice choose_colmap_model(const std::filesystem::path& folder);
 std::filesystem::path find_colmap_model(const std::filesystem::path& folder);
-
-// The images' names by their ids, from a model's folder. Errors as those of read_colmap().
-std::map<std::uint32_t, std::string> colmap_image_names(const std::filesystem::path& model);
 
 // The images sorted by name. A camera is checked if an image uses it. ListedView::picture stays empty, and an error in
 // a single image becomes its problem.

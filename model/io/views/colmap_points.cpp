@@ -34,8 +34,8 @@ void check(const std::string& where, const ColoredPoint& point) {
     fail(Status::input, "{}: ERROR is {}, a finite number is expected", where, point.error);
 }
 
-// Called with a point and an image that sees it.
-using Sighting = std::function<void(const ColoredPoint& point, std::uint32_t image)>;
+// Called with the index of a point and an image that sees it.
+using Sighting = std::function<void(std::size_t point, std::uint32_t image)>;
 
 std::vector<ColoredPoint> read_binary(const fs::path& path, const Sighting& sighting) {
   ColmapBytes in(path);
@@ -51,7 +51,7 @@ std::vector<ColoredPoint> read_binary(const fs::path& path, const Sighting& sigh
     point.track = in.count("observations", track_bytes);
     if (!sighting) in.skip(track_bytes * point.track);
     for (std::uint64_t k = 0; sighting && k < point.track; ++k) {
-      sighting(point, in.read<std::uint32_t>("an image's id"));
+      sighting(out.size(), in.read<std::uint32_t>("an image's id"));
       in.skip(4);
     }
     check(fmt::format("{}: point {}", in.path(), id), point);
@@ -81,7 +81,7 @@ std::vector<ColoredPoint> read_text(const fs::path& path, const Sighting& sighti
     while (!in.rest().empty()) {
       const bool image = words++ % 2 == 0;
       if (sighting && image)
-        sighting(point, in.value<std::uint32_t>("IMAGE_ID"));
+        sighting(out.size(), in.value<std::uint32_t>("IMAGE_ID"));
       else
         in.word();
     }
@@ -132,13 +132,10 @@ fs::path colmap_points_file(const fs::path& model) {
 
 std::vector<ColoredPoint> read_colmap_points(const fs::path& path) { return read_points(need_model(path), {}); }
 
-std::map<std::string, std::vector<Eigen::Vector3d>> read_colmap_sightings(const fs::path& path) {
-  const fs::path model = need_model(path);
-  const std::map<std::uint32_t, std::string> names = colmap_image_names(model);
-  std::map<std::string, std::vector<Eigen::Vector3d>> out;
-  read_points(model, [&](const ColoredPoint& point, std::uint32_t image) {
-    if (const auto at = names.find(image); at != names.end()) out[at->second].push_back(point.position);
-  });
+ColmapSightings read_colmap_sightings(const fs::path& path) {
+  ColmapSightings out;
+  out.points = read_points(need_model(path),
+                           [&](std::size_t point, std::uint32_t image) { out.seen_by[image].push_back(point); });
   return out;
 }
 

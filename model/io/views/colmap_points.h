@@ -26,7 +26,12 @@ std::filesystem::path colmap_points_file(const std::filesystem::path& model);
 // damaged, Error(input) if a number is not finite or no point is listed. Memory is bounded by the size of the file.
 std::vector<ColoredPoint> read_colmap_points(const std::filesystem::path& path);
 
-// For each image of the model, by its name, the points that it sees. `path` and errors as for read_colmap_points().
-std::map<std::string, std::vector<Eigen::Vector3d>> read_colmap_sightings(const std::filesystem::path& path);
+struct ColmapSightings {
+  std::vector<ColoredPoint> points;
+  std::map<std::uint32_t, std::vector<std::size_t>> seen_by;  // the points that an image (IMAGE_ID) sees
+};
+
+// `path` and errors as for read_colmap_points().
+ColmapSightings read_colmap_sightings(const std::filesystem::path& path);
 
 }  // namespace vsplat

@@ -3,6 +3,7 @@
 // used as listed: `applied_transform` and `applied_scale` describe their origin and are not undone.
 #pragma once
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <optional>
@@ -34,7 +35,8 @@ struct ListedView {
   std::optional<std::filesystem::path> mask;  // black is background; its existence is checked on use
   std::filesystem::path depth = {};  // a picture of depth, "" if none is listed; its existence is checked on use
   Split split = Split::none;
-  std::string problem = {};  // why the view cannot be used; its camera is then meaningless, and it has no picture
+  std::uint32_t colmap_image = 0;  // IMAGE_ID, for a COLMAP model
+  std::string problem = {};        // why the view cannot be used; its camera is then meaningless, and it has no picture
   Status problem_status = Status::input;
   double angle_x = std::numeric_limits<double>::quiet_NaN(), angle_y = angle_x;  // fields of view in radians, or NaN
 };

@@ -137,14 +137,16 @@ TEST_F(ViewDepth, PointsOfAColmapModel) {
   test::put_file(folder_ / "cameras.txt", "1 PINHOLE 12 8 10 10 6 4\n");
   test::put_file(folder_ / "images.txt", images);
   test::put_file(folder_ / "points3D.txt",
-                 "1 0.1 0.1 4 9 9 9 0.1 7 0 3 0\n"  // at (6.25, 4.25) in a
-                 "2 0.11 0.1 5 9 9 9 0.1 7 1\n"     // in the same pixel, farther
-                 "3 -1 0 3 9 9 9 0.1 3 1 99 0\n"    // in b alone, and in an image that is not there
-                 "4 9 9 1 9 9 9 0.1 7 2\n");        // beside a's picture
+                 "1 0.1 0.1 4 9 9 9 0.1 7 0 3 0 99 0\n"    // at (6.25, 4.25) in a
+                 "2 0.11 0.1 5 9 9 9 0.1 7 1 98 0 99 1\n"  // in the same pixel, farther
+                 "3 -1 0 3 9 9 9 0.1 3 1 98 1 99 2\n"      // in b alone, and in images that are not there
+                 "4 9 9 1 9 9 9 0.1 7 2 98 2 99 3\n"       // beside a's picture
+                 "5 0.1 0.1 2 9 9 9 0.1 7 3 3 2\n"         // seen by two pictures only
+                 "6 0.1 0.1 2 9 9 9 2.5 7 4 3 3 99 4\n");  // with a large error
   set_ = {};
   set_.source = folder_.path();
   set_.views.resize(2);
-  set_.views[0].name = "a.png", set_.views[1].name = "b.png";
+  set_.views[0].colmap_image = 7, set_.views[1].colmap_image = 3;
   const ViewDepths points = point_depths(set_);
   Camera back = seeing();
   back.w2c(2, 3) = 2;
