@@ -51,6 +51,7 @@ class FitScene(support.Case):
     def test_without_masks_the_whole_scene_is_fitted(self):
         whole, err = self.told(*self.fit())
         self.assertIn("the whole scene: centre", err)
+        self.assertIn(f"next: vsplat view {self.path('out.ply')} --cameras {self.path('transforms.json')}", err)
         self.assertEqual(len(whole["judged_on"]), 2)
         self.assertGreater(whole["result"]["psnr"], 16.5)
         same, _ = self.told(*self.fit("--scene", output="same.ply"))
