@@ -157,6 +157,10 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   if (options.references) {
     std::size_t at = 0;
     for (const auto& [library, other] : p.references) r.reference[library] = times[++at].median;
+    if (p.others) {
+      tell("other programs", -1);
+      r.reference.merge(p.others());
+    }
   }
   return r;
 }

@@ -39,7 +39,8 @@ struct Prepared {
       error;  // after a run: the worst error, relative to the largest value (on a sample of outputs)
   double tolerance = 1e-4;
   std::function<bool()> look;  // of an operation: whether there are numbers, not zeros throughout; `error` may be none
-  std::map<std::string, Reference> references;  // by the libraries' names
+  std::map<std::string, Reference> references;            // by the libraries' names
+  std::function<std::map<std::string, double>()> others;  // median seconds of other programs at the same task, or none
 };
 
 struct Case {

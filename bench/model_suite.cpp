@@ -9,6 +9,7 @@
 #include "bench/bench.h"
 #include "bench/case_data.h"
 #include "bench/forward_check.h"
+#include "bench/pytorch.h"
 #include "bench/scenes.h"
 #include "model/networks/params/init.h"
 #include "model/render/render.h"
@@ -65,7 +66,7 @@ ModelInput model_input(Context& ctx, const std::string& config) {
 
 namespace {
 
-Prepared prepare_model(Context& ctx, const std::string& name) {
+Prepared prepare_model(Context& ctx, const std::string& name, double seconds) {
   const auto d = std::make_shared<ModelData>();
   d->in = model_input(ctx, name);
   d->model = std::make_unique<VsplatModel>(ctx, d->in.config, d->in.weights);
@@ -77,6 +78,7 @@ Prepared prepare_model(Context& ctx, const std::string& name) {
     options.selection = &d->in.selection;
     d->model->forward(ctx, d->in.images, d->in.views, options);
   };
+  p.others = [&ctx, name, seconds] { return pytorch_seconds(ctx, name, seconds); };
   p.error = [&ctx, d, name, tolerance = p.tolerance] {
     std::string worst;
     const double error = model_error(ctx, d->in, *d->model, &worst);
@@ -90,10 +92,12 @@ Prepared prepare_model(Context& ctx, const std::string& name) {
 
 }  // namespace
 
-std::vector<Case> model_cases(const Options&) {
+std::vector<Case> model_cases(const Options& options) {
   std::vector<Case> cases;
   for (const char* name : {"tiny", "small", "paper"})
-    cases.push_back({name, [name = std::string(name)](Context& ctx) { return prepare_model(ctx, name); }});
+    cases.push_back({name, [name = std::string(name), seconds = options.seconds](Context& ctx) {
+                       return prepare_model(ctx, name, seconds);
+                     }});
   return cases;
 }
 

@@ -12,19 +12,21 @@
 #include "runtime/system/system.h"
 
 namespace vsplat::bench {
-namespace {
 
-constexpr int kSamples = 300;
-
-// The module, which stands beside vsplat-bench in the build folder and is not installed; a test is in tests/ there.
-std::string module_file() {
+std::string beside_bench(const char* file) {
   std::error_code problem;
   const std::filesystem::path program = sys::program_path(problem);
   if (problem) return "";
   const std::filesystem::path folder = program.parent_path(), from_tests = folder / "../model/libexec/vsplat";
   const bool is_test = std::filesystem::exists(from_tests / "vsplat-bench", problem);
-  return ((is_test ? from_tests : folder) / "vsplat-references.so").lexically_normal().string();
+  return ((is_test ? from_tests : folder) / file).lexically_normal().string();
 }
+
+namespace {
+
+constexpr int kSamples = 300;
+
+std::string module_file() { return beside_bench("vsplat-references.so"); }
 
 class Module {
  public:

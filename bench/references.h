@@ -12,6 +12,10 @@
 
 namespace vsplat::bench {
 
+// A file beside vsplat-bench in the build folder, for that program and for tests. It need not be there: such files are
+// not installed.
+std::string beside_bench(const char* file);
+
 class References {
  public:
   // "beside OpenBLAS 0.3.21, oneDNN 2.6.3 with 2 threads", or why they are not there.

@@ -41,7 +41,7 @@ CLI::App* add_bench_options(CLI::App& app, BenchOptions& options) {
   sub->add_flag(
       "--references", o->references,
       "Also time other libraries, in turn: on a CPU OpenBLAS and oneDNN, if this was built with them, and CLBlast, "
-      "which compiles for a long time there");
+      "which compiles for a long time there; and the network in PyTorch, if python3 has it, in fp32 and bf16");
   sub->add_option("--compare", o->compare,
                   "Say for each case whether it is slower or faster than in this earlier --json")
       ->check(CLI::ExistingFile)

@@ -4,8 +4,13 @@ import os
 import shutil
 import signal
 import subprocess
+import unittest
 
 import support
+
+
+def has_pytorch():
+    return subprocess.run(["/usr/bin/python3", "-c", "import torch"], capture_output=True).returncode == 0
 
 
 class Bench(support.Case):
@@ -41,6 +46,32 @@ class Bench(support.Case):
         compared = json.loads(out)["compared"]
         self.assertEqual([c["verdict"] for c in compared["cases"]], ["faster"])
         self.assertEqual(compared["file"], was_slow)
+
+    def python(self, script):
+        """An environment whose python3 is this script."""
+        folder = self.path("bin")
+        os.makedirs(folder, exist_ok=True)
+        path = os.path.join(folder, "python3")
+        with open(path, "w") as f:
+            f.write("#!/bin/sh\n" + script)
+        os.chmod(path, 0o755)
+        return {"PATH": folder + os.pathsep + os.environ["PATH"]}
+
+    def test_the_network_in_pytorch(self):
+        says = 'echo a warning >&2; echo "{\\"version\\": \\"9.9\\", \\"fp32\\": 0.5, \\"bf16\\": 0.25, \\"arguments\\": \\"$2\\"}"'
+        out, _ = self.succeeds(*self.RUN, "--references", "--json", env=self.python(says))
+        reference = json.loads(out)["results"][0]["reference"]
+        self.assertEqual({k: v for k, v in reference.items() if "PyTorch" in k}, {"PyTorch 9.9 fp32": 0.5, "PyTorch 9.9 bf16": 0.25})
+        out, err = self.succeeds(*self.RUN, "--references", "--json", env=self.python("echo No module named torch; exit 1"))
+        self.assertIn("model/tiny: without PyTorch: No module named torch", err)
+        self.assertNotIn("PyTorch", str(json.loads(out)["results"]))
+
+    @unittest.skipUnless(has_pytorch(), "python3-torch is not installed")
+    def test_pytorch_itself(self):
+        out, _ = self.succeeds(*self.RUN, "--references", "--json", env={"PATH": "/usr/bin:/bin"})
+        seconds = [v for k, v in json.loads(out)["results"][0]["reference"].items() if "PyTorch" in k]
+        self.assertEqual(len(seconds), 2)
+        self.assertGreater(min(seconds), 1e-4)
 
     def test_warnings_are_printed(self):
         cache = self.path("cache")
