@@ -9,7 +9,6 @@
 #include <stdexcept>
 
 #include "arguments.h"
-#include "data_uri.h"
 #include "naming.h"
 #include "runtime/system/system.h"
 
@@ -85,23 +84,6 @@ std::string log_text(const FitPage& page, double psnr_cc) {
   return out;
 }
 
-// 4 x |difference|, in `colour` only, and how alike they are.
-vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given, vsplat_comparison& scores) {
-  vsplat::Picture out = given;
-  vsplat::check(
-      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &scores, out.colour.data()));
-  for (float& v : out.colour) v = std::min(4 * v, 1.0f);
-  return out;
-}
-
-// A picture of the page.
-FittedPicture shown_picture(const std::string& name, const vsplat::Picture& given, const vsplat::Picture& drawn) {
-  vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
-  const vsplat::Picture difference = difference_of(drawn, given, scores);
-  return {
-      name, scores.psnr, scores.psnr_cc, scores.ssim, picture_uri(given), picture_uri(drawn), picture_uri(difference)};
-}
-
 vsplat::Picture picture_of(const vsplat_measured& from, const float* values) {
   vsplat::Picture out;
   out.width = from.width, out.height = from.height;
@@ -175,6 +157,9 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     paged = elapsed_seconds();
   }
   clear_progress();
+  if (live_ && common.verbose)
+    say(common, "the page took " + seconds_text(live_->spent()) + " of the fit's " +
+                    seconds_text(elapsed_seconds() - begun) + ", for " + std::to_string(live_->versions()) + " scenes");
   result_ = fit.result();
   judged_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
   suspects_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
@@ -270,7 +255,7 @@ void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vspla
       vsplat::measure(session.device(), scene, views, how, [&](const vsplat_measured& picture) {
         FittedPicture shown;
         if (!page_path_.empty() && page_.pictures.size() < most_rows)
-          shown = shown_picture("", picture_of(picture, picture.given), picture_of(picture, picture.drawn));
+          shown = fitted_picture("", picture_of(picture, picture.given), picture_of(picture, picture.drawn));
         shown.name = views.name(static_cast<std::size_t>(picture.view));
         shown.psnr = picture.psnr, shown.psnr_cc = picture.psnr_cc,
         shown.ssim = picture.ssim;  // without what is masked
@@ -346,11 +331,9 @@ void FitJob::begin_live(const Common& common, const vsplat::Fit& fit, const vspl
 void FitJob::show_live(const Session& session, const vsplat::Fit& fit, const vsplat::Views& views) try {
   constexpr std::size_t most_pictures = 3;
   const double begun = elapsed_seconds();
-  const vsplat::Scene scene = fit.scene();
-  FitPage page = page_;
-  page.settings = &settings_;
+  auto out = std::make_shared<LiveVersion>(LiveVersion{fit.scene(), page_, settings_, {}});
   std::vector<std::int32_t> shown = fit.views(VSPLAT_FIT_HELD_OUT);
-  page.about_pictures =
+  out->page.about_pictures =
       shown.empty() ? "None is held out: the scene is fitted to these." : "Held out: no step is fitted to them.";
   if (shown.empty()) shown = fit.views(VSPLAT_FIT_USED);
   vsplat_render_options drawing = VSPLAT_RENDER_OPTIONS_INIT;
@@ -359,10 +342,10 @@ void FitJob::show_live(const Session& session, const vsplat::Fit& fit, const vsp
   const std::size_t rows = std::min(shown.size(), most_pictures);
   for (std::size_t row = 0; row < rows; ++row) {
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
-    page.pictures.push_back(shown_picture(views.name(view), fit.picture(view),
-                                          vsplat::render(session.device(), scene, fit.camera(view), drawing)));
+    out->drawings.push_back(
+        {views.name(view), fit.picture(view), vsplat::render(session.device(), out->scene, fit.camera(view), drawing)});
   }
-  live_->show(scene, page, begun);
+  live_->show(std::move(out), begun);
 } catch (const std::exception& e) {
   warn(std::string("the live page ends here: ") + e.what());
   live_.reset();

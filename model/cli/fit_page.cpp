@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "data_uri.h"
 #include "runtime/embedded.h"
 #include "svg_chart.h"
 
@@ -178,6 +179,21 @@ std::string settings_table(const nlohmann::ordered_json& settings) {
 }
 
 }  // namespace
+
+vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given, vsplat_comparison& scores) {
+  vsplat::Picture out = given;
+  vsplat::check(
+      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &scores, out.colour.data()));
+  for (float& v : out.colour) v = std::min(4 * v, 1.0f);
+  return out;
+}
+
+FittedPicture fitted_picture(const std::string& name, const vsplat::Picture& given, const vsplat::Picture& drawn) {
+  vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
+  const vsplat::Picture difference = difference_of(drawn, given, scores);
+  return {
+      name, scores.psnr, scores.psnr_cc, scores.ssim, picture_uri(given), picture_uri(drawn), picture_uri(difference)};
+}
 
 std::string fit_page_text(const FitPage& page) {
   std::size_t count = 0;

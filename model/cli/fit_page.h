@@ -36,6 +36,10 @@ struct FitPage {
   const nlohmann::ordered_json* settings = nullptr;          // an object; may be null
 };
 
+// 4 x |difference|, in `colour` only, and how alike they are.
+vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given, vsplat_comparison& scores);
+FittedPicture fitted_picture(const std::string& name, const vsplat::Picture& given, const vsplat::Picture& drawn);
+
 std::string fit_page_text(const FitPage& page);
 
 }  // namespace command

@@ -29,7 +29,7 @@ int port_of(const std::string& text) {
 }  // namespace
 
 LiveFit::LiveFit(const Common& common, const std::string& port, std::string title, std::vector<PageCamera> cameras)
-    : title_(std::move(title)), cameras_(std::move(cameras)) {
+    : title_(std::move(title)), cameras_(std::move(cameras)), begun_(elapsed_seconds()) {
   const bool any = port == "auto";
   const int first = any ? first_live_port : port_of(port);
   std::error_code error;
@@ -57,38 +57,68 @@ bool LiveFit::is_due() const {
   return now >= next_ && now - asked_ < patience;
 }
 
-void LiveFit::show(const vsplat::Scene& scene, const FitPage& page, double begun) {
-  ScenePage about;
-  about.title = title_;
-  about.scenes = {{"fit", scene}};
-  about.cameras = cameras_;
-  about.quiet = true;
-  const auto spz = page_spz(about.scenes[0], title_, true);
-  auto file = std::make_shared<const std::string>(spz.begin(), spz.end());
-  std::shared_ptr<const std::string> scene_page = scene_page_;
-  if (!scene_page) scene_page = std::make_shared<const std::string>(scene_page_text(about, title_));
-  auto fit_page = std::make_shared<const std::string>(fit_page_text(page));
+void LiveFit::show(std::shared_ptr<const LiveVersion> version, double begun) {
   {
     const std::lock_guard lock(mutex_);
-    scene_page_ = std::move(scene_page);
-    scene_ = std::move(file);
-    fit_page_ = std::move(fit_page);
-    ++version_;
+    version_ = std::move(version);
+    ++number_;
   }
-  const double now = elapsed_seconds();
-  next_ = now + std::max(least_seconds, (now - begun) / most_share);
+  const double now = elapsed_seconds(), cost = now - begun;
+  spent_ += cost;
+  // Then the next one, if it costs as much, does not exceed the share either.
+  next_ = std::max(now + least_seconds, begun_ + (spent_ + cost) / most_share);
+}
+
+std::string LiveFit::scene_page(const LiveVersion& version) const {
+  ScenePage out;
+  out.title = title_;
+  out.scenes = {{"fit", version.scene}};
+  out.cameras = cameras_;
+  out.quiet = true;
+  return scene_page_text(out, title_);
+}
+
+std::string LiveFit::fit_page(const LiveVersion& version) const {
+  FitPage out = version.page;
+  out.settings = &version.settings;
+  for (const LiveDrawing& each : version.drawings)
+    out.pictures.push_back(fitted_picture(each.name, each.given, each.drawn));
+  return fit_page_text(out);
+}
+
+std::string LiveFit::spz(const LiveVersion& version) const {
+  const std::vector<unsigned char> bytes = page_spz({"fit", version.scene}, title_, true);
+  return {bytes.begin(), bytes.end()};
+}
+
+// The earlier version's file if the latest one's cannot be made.
+std::shared_ptr<const std::string> LiveFit::latest(File& file, std::string (LiveFit::*make)(const LiveVersion&) const) {
+  int number = 0;
+  std::shared_ptr<const LiveVersion> version;
+  {
+    const std::lock_guard lock(mutex_);
+    number = number_, version = version_;
+  }
+  if (!version || file.version == number) return file.text;
+  file.version = number;
+  try {
+    file.text = std::make_shared<const std::string>((this->*make)(*version));
+  } catch (const std::exception& e) {
+    warn(std::string("the live page shows an earlier step: ") + e.what());
+  }
+  return file.text;
 }
 
 // On the server's thread.
 vsplat::sys::HttpAnswer LiveFit::answer(const std::string& path) {
   asked_ = elapsed_seconds();
   if (path == "/") return {html, std::make_shared<const std::string>(viewer_file("live.html"))};
-  const std::lock_guard lock(mutex_);
-  if (path == "/scene.html") return {html, scene_page_};
-  if (path == "/fit.html") return {html, fit_page_};
-  if (path == "/scene.spz") return {"application/octet-stream", scene_};
+  if (path == "/scene.html") return {html, latest(scene_page_, &LiveFit::scene_page)};
+  if (path == "/fit.html") return {html, latest(fit_page_, &LiveFit::fit_page)};
+  if (path == "/scene.spz") return {"application/octet-stream", latest(spz_, &LiveFit::spz)};
   if (path != "/state.json") return {};
-  const nlohmann::ordered_json state = {{"title", title_}, {"text", text_}, {"share", share_}, {"version", version_}};
+  const std::lock_guard lock(mutex_);
+  const nlohmann::ordered_json state = {{"title", title_}, {"text", text_}, {"share", share_}, {"version", number_}};
   return {"application/json",
           std::make_shared<const std::string>(state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace))};
 }

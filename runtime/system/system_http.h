@@ -15,7 +15,7 @@ struct HttpAnswer {
 
 class HttpServer {
  public:
-  // Called with a path, "/state.json", on one thread of the server.
+  // Called with a path, "/state.json", on one thread of the server, which gives way to others.
   using Pages = std::function<HttpAnswer(const std::string& path)>;
 
   // Begins to listen at the port, 0: any free one. The port of another program is an error.
