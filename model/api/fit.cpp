@@ -289,7 +289,7 @@ vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_resul
     SceneFit& scene_fit = scene_fit_of(fit);
     const DeviceUse use(fit->device.get());
     need_room(out_result, "out_result");
-    const FitResult r = scene_fit.result();
+    const FitResult r = scene_fit.figures();
     vsplat_fit_result out = VSPLAT_FIT_RESULT_INIT;
     out.steps = r.steps;
     out.seconds = r.seconds;
@@ -342,10 +342,10 @@ vsplat_status vsplat_fit_get_views(vsplat_fit fit, vsplat_fit_views which, int32
         all = fit->used;
         break;
       case VSPLAT_FIT_HELD_OUT:
-        all = scene_fit.result().judged;
+        all = scene_fit.figures().judged;
         break;
       case VSPLAT_FIT_OUTLIERS:
-        all = scene_fit.result().suspects;
+        all = scene_fit.figures().suspects;
         break;
       default:
         fail(Status::usage, "which is {}, not a value of vsplat_fit_views", value_of(which));

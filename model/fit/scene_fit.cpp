@@ -403,8 +403,13 @@ FitProgress SceneFit::progress() const {
   return out;
 }
 
-FitResult SceneFit::result() {
-  Impl& i = *impl_;
+// Whether the scene as it is now is the best one of a fit in progress.
+bool SceneFit::Impl::latest_is_best() const {
+  return !done && !in_folds() && (request.whole || legs[leg].judges.empty()) && fitter->steps_done() > 0;
+}
+
+FitResult SceneFit::figures() const {
+  const Impl& i = *impl_;
   FitResult out;
   out.seconds = i.seconds;
   out.in_turn = i.legs.size() > 1;
@@ -412,21 +417,15 @@ FitResult SceneFit::result() {
   out.judged = i.judged;
   out.suspects = i.suspects;
   out.start = out.result = out.over_sky = {std::nan(""), std::nan("")};
-  std::optional<Gaussians> made = i.best;
-  out.steps = i.best_steps;
-  // Fit in progress whose best scene is the latest one.
-  const bool latest = i.request.whole || i.legs[i.leg].judges.empty();
-  if (!i.done && !i.in_folds() && latest && i.fitter->steps_done() > 0) {
-    made = i.fitter->gaussians();
-    out.steps = i.fitter->steps_done();
-  }
+  bool made = i.best || i.latest_is_best();
+  out.steps = i.latest_is_best() ? i.fitter->steps_done() : i.best_steps;
   // While folds run, only some of the views have been measured.
   if (i.done && i.in_folds()) out.judged.clear();
   if (!i.judged.empty() && !i.in_folds()) {
     out.start = mean(i.curve.at(0));
     out.result = mean(std::prev(i.curve.upper_bound(out.steps))->second);
     if (!(out.result.psnr > out.start.psnr)) {
-      made.reset();
+      made = false;
       // The best of the fitted scenes.
       const auto later = std::next(i.curve.begin());
       if (later != i.curve.end()) out.result = mean(std::max_element(later, i.curve.end(), is_worse)->second);
@@ -435,12 +434,17 @@ FitResult SceneFit::result() {
     }
   }
   out.start_returned = !made;
-  if (made) {
-    out.scene = i.to_scene(*made);
-  } else {
+  if (!made) out.steps = 0;
+  return out;
+}
+
+FitResult SceneFit::result() {
+  Impl& i = *impl_;
+  FitResult out = figures();
+  if (out.start_returned)
     out.scene = start();
-    out.steps = 0;
-  }
+  else
+    out.scene = i.to_scene(i.latest_is_best() ? i.fitter->gaussians() : *i.best);
   return out;
 }
 

@@ -117,6 +117,7 @@ class SceneFit {
 
   // The best scene so far; after the last step or stop(), the result.
   FitResult result();
+  FitResult figures() const;  // the same without the scene
   const Scene& start() const;
 
   // A view's picture over measured_over(), and its camera, as used to fit or to measure.
