@@ -48,6 +48,7 @@ std::vector<VariableProblem> environment_problems() {
     const std::string unit = units.substr(0, units.find(','));
     if (std::none_of(kMatrixUnits.begin(), kMatrixUnits.end(), [&](MatrixUnit u) { return unit == name_of(u); })) {
       std::vector<const char*> names;
+      names.reserve(kMatrixUnits.size());
       for (const MatrixUnit each : kMatrixUnits) names.push_back(name_of(each));
       refuse("VSPLAT_MATRIX", fmt::format("a comma-separated list of {}", fmt::join(names, ", ")));
       break;
