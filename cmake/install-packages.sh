@@ -1,20 +1,42 @@
 #!/bin/sh
-# Installs the Debian packages that building vsplat needs, on Debian 12 and 13. Does nothing if all are installed; uses sudo unless run as root.
+# Installs the packages that building vsplat needs, on Debian 12 (bookworm), 13 (trixie) and testing (forky), and on Ubuntu 24.04 (noble). Does
+# nothing if all are installed; uses sudo unless run as root. On another system, it prints what is needed and succeeds: cmake then says what
+# is missing.
 #   cmake/install-packages.sh           what the build and the C++ tests need
 #   cmake/install-packages.sh --tests   also what the other tests use: the PyTorch reference, other OpenCL devices, linters
 #   cmake/install-packages.sh --list    only prints the names
-# Packages for the other tests that this Debian release lacks are skipped, with a message that names the tests they leave out.
+# What a release lacks is skipped, with a message that names the tests that are left out. $VSPLAT_OS_RELEASE replaces /etc/os-release.
 set -eu
 
+# A|B: the first of these that is installed, or else that the release has.
 build="build-essential cmake ninja-build git pkg-config
   ocl-icd-opencl-dev opencl-c-headers opencl-clhpp-headers pocl-opencl-icd libclblast-dev
   libeigen3-dev libfmt-dev nlohmann-json3-dev libcli11-dev
-  libpng-dev libjpeg62-turbo-dev libopenexr-dev libwebp-dev libgif-dev libtiff-dev libexif-dev libstb-dev libzip-dev libzstd-dev libutf8proc-dev zlib1g-dev libssl-dev libmicrohttpd-dev
+  libpng-dev libjpeg62-turbo-dev|libjpeg-dev libopenexr-dev libwebp-dev libgif-dev libtiff-dev libexif-dev libstb-dev libzip-dev libzstd-dev
+  libutf8proc-dev zlib1g-dev libssl-dev libmicrohttpd-dev
   libassimp-dev libdraco-dev libmeshoptimizer-dev libembree-dev libhdf5-dev libnanoflann-dev
   libgtest-dev python3"
 tests="python3-torch python3-numpy python3-scipy python3-pil libopenblas-dev libdnnl-dev libopenmpi-dev openmpi-bin
   libsdl2-dev xvfb xauth mesa-opencl-icd oclgrind clang-15 libclc-15 clang-format clang-tidy clang libclang-rt-dev strace
   debootstrap file"
+
+# The tests that are left out without a package.
+left_out_without() {
+  case $1 in
+    python3-*) echo "the comparisons with PyTorch, and the tests of the Python module" ;;
+    libopenblas-dev | libdnnl-dev) echo "the libraries that vsplat bench compares with" ;;
+    libopenmpi-dev | openmpi-bin) echo "the tests cli_ranks of several processes" ;;
+    libsdl2-dev | xvfb | xauth) echo "the test window_example" ;;
+    mesa-opencl-icd) echo "the tests rusticl.*" ;;
+    oclgrind) echo "the tests oclgrind.*, which look for data races in kernels" ;;
+    clang-15 | libclc-15) echo "the tests gpu_static*, whose table was made with version 15" ;;
+    clang-format | clang-tidy) echo ".ci/check-format and .ci/lint" ;;
+    clang | libclang-rt-dev) echo "the fuzzers" ;;
+    strace) echo "the test cli_hostile_traced" ;;
+    debootstrap | file) echo "the tests install_packages and systems_*" ;;
+    *) echo "everything: the build needs it" ;;
+  esac
+}
 
 with_tests=no
 list=no
@@ -26,63 +48,68 @@ for argument in "$@"; do
   esac
 done
 [ $with_tests = yes ] || tests=
-if [ "$list" = yes ]; then
-  printf '%s\n' $build $tests
+
+is_installed() { [ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]; }
+# Whether apt's lists contain the package.
+is_known() { apt-cache policy "$1" 2>/dev/null | grep '^ *Candidate:' | grep -qv '(none)'; }
+# missing_of A|B...: prints what is not installed, by the name that apt knows; with an exclamation mark if it knows none.
+missing_of() {
+  for names in "$@"; do
+    found=
+    for package in $(echo "$names" | tr '|' ' '); do
+      if is_installed "$package"; then continue 2; fi
+      if [ -z "$found" ] && is_known "$package"; then found=$package; fi
+    done
+    echo "${found:-${names%%|*}!}"
+  done
+}
+
+if [ $list = yes ]; then
+  # shellcheck disable=SC2086  # a list of words
+  printf '%s\n' $build $tests | sed 's/|.*//'
   exit 0
 fi
 
-# Prints the named packages that are not installed.
-missing_of() {
-  for package in "$@"; do
-    state=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) || state=
-    [ "$state" = installed ] || echo "$package"
-  done
-}
-# Whether apt's lists contain the package.
-is_known() { apt-cache policy "$1" 2>/dev/null | grep '^ *Candidate:' | grep -qv '(none)'; }
-# The tests that are left out without a package that this release lacks.
-left_out_without() {
-  case $1 in
-    oclgrind) echo "the tests oclgrind.*, which look for data races in kernels" ;;
-    clang-15 | libclc-15) echo "the tests gpu_static*, whose table was made with version 15" ;;
-    *) echo "the tests that use it" ;;
-  esac
-}
+# shellcheck source=/dev/null
+system=$(. "${VSPLAT_OS_RELEASE:-/etc/os-release}" 2>/dev/null && echo "${ID-} ${VERSION_CODENAME-} ${PRETTY_NAME-}") || system=
+case $system in
+  "debian bookworm "* | "debian trixie "* | "debian forky "* | "debian sid "* | "ubuntu noble "*) is_ours=yes ;;
+  *) is_ours=no ;;
+esac
+if [ $is_ours = no ] || ! command -v apt-get >/dev/null; then
+  system=${system#* * }
+  echo "Packages are installed on Debian 12 to 14 and on Ubuntu 24.04 only; this is ${system:-an unknown system}. Debian calls what is needed:"
+  # shellcheck disable=SC2086
+  echo $build $tests | sed 's/|/ or /g' | fold -s -w 110 | sed 's/^/  /; s/ $//'
+  exit 0
+fi >&2
 
+# shellcheck disable=SC2086
 missing=$(missing_of $build $tests)
 [ -n "$missing" ] || exit 0
 sudo=
 if [ "$(id -u)" -ne 0 ] && command -v sudo >/dev/null; then sudo=sudo; fi
 as_root() {
   if [ "$(id -u)" -ne 0 ] && [ -z "$sudo" ]; then
-    echo "run this as root, or install sudo: it installs" $missing >&2
+    echo "run this as root, or install sudo: it installs $(echo "$missing" | tr '\n' ' ')" >&2
     exit 1
   fi
   $sudo "$@"
 }
-# If an up-to-date list contains none of the missing packages, there is nothing to do.
-wanted=
-if is_known build-essential; then
-  for package in $missing; do
-    if is_known "$package"; then wanted="$wanted $package"; fi
-  done
-fi
-if [ -n "$wanted" ] || ! is_known build-essential || [ -n "$(missing_of $build)" ]; then
+# Up-to-date lists that have none of the missing packages need no update.
+if ! is_known build-essential || echo "$missing" | grep -qv '!$'; then
   as_root apt-get update -q
+  # shellcheck disable=SC2086
+  missing=$(missing_of $build $tests)
 fi
 wanted=
 for package in $missing; do
-  case " $(echo $tests) " in
-    *" $package "*)
-      if ! is_known "$package"; then
-        echo "this release of Debian has no $package: left out are $(left_out_without "$package")" >&2
-        continue
-      fi
-      ;;
+  case $package in
+    *!) echo "this release has no ${package%!}: this leaves out $(left_out_without "${package%!}")" >&2 ;;
+    *) wanted="$wanted $package" ;;
   esac
-  wanted="$wanted $package"
 done
 [ -n "$wanted" ] || exit 0
 echo "installing:$wanted" >&2
-# shellcheck disable=SC2086  # a list of words
+# shellcheck disable=SC2086
 as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $wanted

@@ -1,0 +1,48 @@
+#!/usr/bin/env python3
+"""What cmake/install-packages.sh does on a system that it does not know, or without apt: it prints what is needed, and succeeds."""
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+SCRIPT = pathlib.Path(__file__).resolve().parents[2] / "cmake" / "install-packages.sh"
+
+
+class Packages(unittest.TestCase):
+    def setUp(self):
+        self.work = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, self.work)
+
+    def run_on(self, release, *arguments, path=None):
+        (self.work / "os-release").write_text(release)
+        environment = dict(os.environ, VSPLAT_OS_RELEASE=str(self.work / "os-release"), PATH=path or os.environ["PATH"])
+        return subprocess.run(["/bin/sh", SCRIPT, *arguments], capture_output=True, text=True, env=environment, check=False)
+
+    def test_another_system(self):
+        for release in ('ID=fedora\nPRETTY_NAME="Fedora Linux 41"\n', 'ID=ubuntu\nVERSION_CODENAME=jammy\nPRETTY_NAME="Ubuntu 22.04"\n', ""):
+            done = self.run_on(release)
+            self.assertEqual((done.returncode, done.stdout), (0, ""), release)
+            self.assertIn("libopenexr-dev", done.stderr)
+            self.assertNotIn("oclgrind", done.stderr)
+            self.assertIn("this is Fedora Linux 41" if "fedora" in release else "this is Ubuntu" if release else "an unknown system", done.stderr)
+        self.assertIn("oclgrind", self.run_on("ID=arch\n", "--tests").stderr)
+
+    def test_known_system_without_apt(self):
+        for program in ("sed", "fold", "tr"):
+            (self.work / program).symlink_to(shutil.which(program))
+        done = self.run_on('ID=debian\nVERSION_CODENAME=trixie\nPRETTY_NAME="Debian GNU/Linux 13"\n', path=str(self.work))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("libopenexr-dev", done.stderr)
+
+    def test_list(self):
+        done = self.run_on("ID=arch\n", "--list")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertIn("libfmt-dev\n", done.stdout)
+        self.assertNotIn("|", done.stdout)
+        self.assertEqual(self.run_on("", "--lost").returncode, 2)
+
+
+if __name__ == "__main__":
+    unittest.main()
