@@ -1,6 +1,7 @@
 #include "bench/scenes.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>

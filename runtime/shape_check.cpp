@@ -1,6 +1,7 @@
 #include "runtime/shape_check.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cctype>
 

@@ -1,6 +1,7 @@
 // Checks of configuration fields. An error states the requirement and the value found, with the given status.
 #pragma once
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,7 @@
 // Reads configuration fields from JSON by type. A value of another type is refused, never converted.
 #pragma once
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstdint>

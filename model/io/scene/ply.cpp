@@ -1,6 +1,7 @@
 #include "model/io/scene/ply.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>

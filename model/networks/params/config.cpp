@@ -1,6 +1,7 @@
 #include "model/networks/params/config.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <utility>

@@ -1,5 +1,7 @@
 #include "model/networks/params/lara_config.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <utility>
 

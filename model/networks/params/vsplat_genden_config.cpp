@@ -1,5 +1,7 @@
 #include "model/networks/params/vsplat_genden_config.h"
 
+#include <fmt/ranges.h>
+
 #include "model/networks/params/field_list.h"
 #include "model/networks/params/params.h"
 

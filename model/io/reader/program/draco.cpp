@@ -3,6 +3,7 @@
 #include <draco/compression/decode.h>
 #include <draco/mesh/mesh.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 

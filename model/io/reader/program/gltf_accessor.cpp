@@ -1,6 +1,7 @@
 #include "model/io/reader/program/gltf_accessor.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>

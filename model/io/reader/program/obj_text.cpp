@@ -1,6 +1,7 @@
 #include "model/io/reader/program/obj_text.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>

@@ -2,6 +2,7 @@
 #include "model/io/scene/compressed_ply.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

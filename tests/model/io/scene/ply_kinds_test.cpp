@@ -1,5 +1,6 @@
 // Non-standard 3DGS PLY files of other programs: read as intended, or reported.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

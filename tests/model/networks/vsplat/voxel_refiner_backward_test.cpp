@@ -1,5 +1,6 @@
 // The fine stage's gradients, against differences of a forward in double along random directions.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include "model/diagnose/selftest/reference/differences.h"
