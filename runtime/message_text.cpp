@@ -39,15 +39,18 @@ std::string message_text(fmt::string_view text, fmt::format_args args) {
   std::deque<NotFiniteNumber> named;  // the arguments hold pointers to these
   for (int i = 0; const Argument argument = args.get(i); ++i) {
     all.push_back(argument);
-    fmt::visit_format_arg(
-        [&](const auto& value) {
-          if constexpr (std::is_floating_point_v<std::decay_t<decltype(value)>>)
-            if (!std::isfinite(value)) {
-              const auto store = fmt::make_format_args(named.emplace_back(NotFiniteNumber{static_cast<double>(value)}));
-              all.back() = fmt::format_args(store).get(0);
-            }
-        },
-        argument);
+    const auto name = [&](const auto& value) {
+      if constexpr (std::is_floating_point_v<std::decay_t<decltype(value)>>)
+        if (!std::isfinite(value)) {
+          const auto store = fmt::make_format_args(named.emplace_back(NotFiniteNumber{static_cast<double>(value)}));
+          all.back() = fmt::format_args(store).get(0);
+        }
+    };
+#if FMT_VERSION >= 110000
+    argument.visit(name);
+#else
+    fmt::visit_format_arg(name, argument);
+#endif
   }
   if (named.empty()) return fmt::vformat(text, args);
   return fmt::vformat(text, fmt::format_args(all.data(), static_cast<int>(all.size())));
