@@ -64,8 +64,9 @@ std::vector<bool> floaters(const Gaussians& g) {
   for (std::size_t k = 0; k < g.count; ++k) {
     std::array<Eigen::Index, found> nearest{};
     std::array<double, found> squares{};
-    tree.knnSearch(rows.row(static_cast<Eigen::Index>(k)).data(), found, nearest.data(), squares.data());
-    for (const double square : squares) distances[k] += std::sqrt(square) / kFloaterNeighbours;
+    const std::size_t n =
+        tree.knnSearch(rows.row(static_cast<Eigen::Index>(k)).data(), found, nearest.data(), squares.data());
+    for (std::size_t i = 0; i < n; ++i) distances[k] += std::sqrt(squares[i]) / kFloaterNeighbours;
   }
   const double usual = median(distances);
   // More than half lie on others: they give no distance to compare with.
