@@ -18,7 +18,7 @@ build="build-essential cmake ninja-build git pkg-config
   libgtest-dev python3"
 tests="python3-torch python3-numpy python3-scipy python3-pil libopenblas-dev libdnnl-dev libopenmpi-dev openmpi-bin
   libsdl2-dev xvfb xauth mesa-opencl-icd oclgrind clang-15 libclc-15 clang-format clang-tidy clang libclang-rt-dev strace
-  debootstrap file"
+  debootstrap file patchelf"
 
 # The tests that are left out without a package.
 left_out_without() {

@@ -249,8 +249,8 @@ class FirstHour(Case):
     @unittest.skipUnless(os.environ.get("VSPLAT_BUNDLE"), "VSPLAT_BUNDLE names no build to pack")
     def test_out_of_the_bundle(self):
         """Which is small enough, unpacked elsewhere, with an environment that names nothing."""
-        done = subprocess.run([ROOT / "cmake/bundle.sh", "--build", os.environ["VSPLAT_BUNDLE"], "--tests", self.path("vsplat.tar.xz")], capture_output=True,
-                              text=True, check=False)
+        done = subprocess.run([ROOT / "cmake/bundle.sh", "--build", os.environ["VSPLAT_BUNDLE"], "--no-driver", "--data", "--tests", self.path("vsplat.tar.xz")],
+                              capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
         with tarfile.open(self.path("vsplat.tar.xz")) as tar:
             tar.extractall(self.path("there"))

@@ -219,15 +219,15 @@ class GpuScript(Case):
     @unittest.skipUnless(os.environ.get("VSPLAT_BUNDLE"), "VSPLAT_BUNDLE names no build to pack")
     def test_the_bundle_runs_alone(self):
         """Unpacked elsewhere, with an environment that names nothing; and by the C library that comes along."""
-        done = subprocess.run([ROOT / "cmake/bundle.sh", "--build", os.environ["VSPLAT_BUNDLE"], "--reader", self.path("bundle")], capture_output=True, text=True,
-                              check=False)
+        done = subprocess.run([ROOT / "cmake/bundle.sh", "--build", os.environ["VSPLAT_BUNDLE"], "--no-driver", "--data", self.path("bundle")],
+                              capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
         alone = {"PATH": "/usr/bin:/bin", "HOME": self.folder}
         alone |= {name: os.environ[name] for name in ("OCL_ICD_VENDORS", "OCL_ICD_FILENAMES", "RUSTICL_ENABLE") if name in os.environ}
         command = self.path("bundle", "bin", "vsplat")
         expected = support.run("devices", "--json")[1]
         loader = next(pathlib.Path(self.path("bundle", "libc")).glob("ld-linux*"))
-        carried = [str(loader), "--library-path", self.path("bundle", "libc") + ":" + self.path("bundle", "lib"), command + ".elf"]
+        carried = [str(loader), "--library-path", self.path("bundle", "libc") + ":" + self.path("bundle", "libcxx"), command + ".elf"]
         for program in ([command], carried):
             got = subprocess.run([*program, "devices", "--json"], capture_output=True, text=True, env=alone, check=False)
             self.assertEqual((got.returncode, got.stdout), (0, expected), got.stderr)

@@ -1,8 +1,8 @@
 """vsplat from Python: posed photographs in, Gaussians and pictures out, NumPy in and out.
 
 A package on libvsplat's C interface, through ctypes: nothing is compiled, and it runs on every Python from 3.9 on. The library is
-$VSPLAT_LIBRARY, else the one that this package was installed with, else the one beside an installed `vsplat` command, else the one that the
-system finds. It needs only NumPy; put the folder that contains the package on PYTHONPATH.
+$VSPLAT_LIBRARY, else the one that this package was installed with (a wheel has it inside), else the one beside an installed `vsplat`
+command, else the one that the system finds. It needs only NumPy; put the folder that contains the package on PYTHONPATH.
 
     import vsplat
     device = vsplat.Device()                                # the first GPU, else the first device

@@ -7,6 +7,7 @@ import operator
 import os
 import pathlib
 import shutil
+import sys
 from typing import Any
 
 import numpy as np
@@ -28,10 +29,28 @@ class UsageError(Error, ValueError):
         super().__init__("usage", text)
 
 
+def _use_packed_driver(library: str) -> None:
+    """What cmake/bundle.sh packs contains PoCL, which is used if the machine has no OpenCL driver. For the command its `pocl/environment`
+    does the same."""
+    folders = pathlib.Path(library).resolve().parents
+    found = [(folder, driver) for folder in folders[:3] for driver in sorted(folder.glob("pocl/lib/*/libpocl.so.*"))]
+    if not found:
+        return
+    (folder, driver), given = found[0], os.environ
+    if not (given.get("OCL_ICD_VENDORS") or given.get("OCL_ICD_FILENAMES") or any(pathlib.Path("/etc/OpenCL/vendors").glob("*.icd"))):
+        given["OCL_ICD_VENDORS"] = str(driver)
+        print("vsplat: this machine has no OpenCL driver (nothing in /etc/OpenCL/vendors): uses PoCL, which came along, on the processor", file=sys.stderr)
+    if given.get("OCL_ICD_VENDORS") == str(driver):  # it links kernels
+        given["PATH"] = os.pathsep.join(filter(None, [given.get("PATH"), str(folder / "pocl/bin")]))
+        given["LIBRARY_PATH"] = os.pathsep.join(
+            filter(None, [given.get("LIBRARY_PATH"), *(str(folder / name) for name in ("pocl/link", "libc", "libcxx"))]))
+
+
 def _library() -> c.CDLL:
     names = [os.environ.get("VSPLAT_LIBRARY")]
     here, command = pathlib.Path(__file__).resolve().parent, shutil.which("vsplat")
     prefixes = [here.parents[3]] if here.parts[-4:-1] == ("share", "vsplat", "python") else []
+    prefixes += [here / "bundle"]  # of a wheel
     prefixes += [pathlib.Path(command).resolve().parent.parent] if command else []
     for prefix in prefixes:
         names += [str(p) for depth in ("lib*", "lib*/*") for p in sorted(prefix.glob(depth + "/libvsplat.so.?"))]
@@ -39,7 +58,9 @@ def _library() -> c.CDLL:
     problem = None
     for name in filter(None, names):
         try:
-            return c.CDLL(name)
+            library = c.CDLL(name)
+            _use_packed_driver(name)
+            return library
         except OSError as e:
             problem = problem or e
     raise ImportError(f"libvsplat cannot be loaded ({problem}): VSPLAT_LIBRARY says where it is")
