@@ -34,9 +34,8 @@ nlohmann::json result_of(const std::string& size, int threads, double seconds, s
   std::string said = end.said;
   while (!said.empty() && said.back() == '\n') said.pop_back();
   const std::string line = said.substr(said.rfind('\n') + 1);
-  if (end.exit_code == 0) return nlohmann::json::parse(line, nullptr, false);
   why = end.too_late ? fmt::format("it took longer than {} s", kLongest) : line;
-  return {};
+  return end.exit_code == 0 ? nlohmann::json::parse(line, nullptr, false) : nlohmann::json();
 }
 
 }  // namespace

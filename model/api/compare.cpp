@@ -33,14 +33,13 @@ vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index, 
   return guarded([&] {
     need(cameras, "cameras");
     need(out_path, "out_path");
-    cameras->at(index);
-    std::error_code error;
+    const std::string& listed = cameras->at(index).file;
     if (!folder) {
       *out_path = new_text(index < cameras->listed.views.size() ? cameras->listed.views[index].picture.string() : "");
       return;
     }
+    std::error_code error;
     if (!std::filesystem::is_directory(folder, error)) fail(Status::file, "{}: no such folder of pictures", folder);
-    const std::string& listed = cameras->at(index).file;
     const std::string name = listed.empty() ? fmt::format("{:04}", index) : listed;
     ListedFiles files({folder});
     const std::filesystem::path found = files.find(name).path;

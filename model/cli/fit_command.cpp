@@ -107,7 +107,7 @@ void fit(FitCommand& o) {
   job.summarise(o.common);
   say(o.common,
       o.output + ": " + std::to_string(result.info().count) + " Gaussians, " + seconds_text(elapsed_seconds()));
-  if (!is_page(o.output))
+  if (!is_page(o.output) && o.views != "-")
     say(o.common, "next: vsplat view " + o.output + " --cameras " + o.views +
                       (s.picture_folder.empty() ? "" : " --pictures " + s.picture_folder));
   if (!o.common.json) return;

@@ -19,10 +19,12 @@ std::optional<Eigen::Vector3d> seen_at(const Camera& c, const Eigen::Vector3d& p
   return Eigen::Vector3d(u, v, p.z());
 }
 
+bool is_enough(std::size_t kept, std::size_t points) { return kept >= std::max(kLeastPoints, points / 10); }
+
 void keep_unless_few(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep) {
   std::vector<ColoredPoint> kept;
   std::copy_if(points.begin(), points.end(), std::back_inserter(kept), keep);
-  if (kept.size() >= std::max(kLeastPoints, points.size() / 10)) points = std::move(kept);
+  if (is_enough(kept.size(), points.size())) points = std::move(kept);
 }
 
 bool is_reliable(const ColoredPoint& point) { return point.track >= kLeastTrack && point.error <= kMostError; }

@@ -13,7 +13,10 @@ namespace vsplat {
 // camera or outside the picture.
 std::optional<Eigen::Vector3d> seen_at(const Camera& camera, const Eigen::Vector3d& point);
 
-// Keeps the points for which `keep` is true, unless fewer than a tenth of them, or fewer than 30, would be left.
+// Whether so many of the points may stand for all: a tenth of them, and 30.
+bool is_enough(std::size_t kept, std::size_t points);
+
+// Keeps the points for which `keep` is true, unless too few would be left.
 void keep_unless_few(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep);
 
 // At least three pictures see it, with an error of at most two pixels.

@@ -80,13 +80,15 @@ ViewDepths point_depths(const ViewSet& set) {
          "{}: {} asks for the depths of points, and only a COLMAP model tells which pictures see which point",
          set.source.string(), Option::fit_depth);
   const auto all = std::make_shared<const ColmapSightings>(read_colmap_sightings(set.source));
-  return [&set, all](int view, const Camera&, const Camera& shown) {
+  const auto reliable = static_cast<std::size_t>(std::count_if(all->points.begin(), all->points.end(), is_reliable));
+  return [&set, all, only_reliable = is_enough(reliable, all->points.size())](int view, const Camera&,
+                                                                              const Camera& shown) {
     std::vector<float> out(pixels_of(shown), 0.0f);
     const auto seen = all->seen_by.find(set.views[static_cast<std::size_t>(view)].colmap_image);
     if (seen == all->seen_by.end()) return out;
     for (const std::size_t index : seen->second) {
       const ColoredPoint& point = all->points[index];
-      if (!is_reliable(point)) continue;
+      if (only_reliable && !is_reliable(point)) continue;
       const std::optional<Eigen::Vector3d> at = seen_at(shown, point.position);
       if (!at) continue;
       const auto x = static_cast<std::size_t>(at->x()), y = static_cast<std::size_t>(at->y());

@@ -1,6 +1,7 @@
 """vsplat bench, which a program of its own runs: verdicts of --compare, warnings, signals, and where the program is not there."""
 import json
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
@@ -58,12 +59,16 @@ class Bench(support.Case):
         return {"PATH": folder + os.pathsep + os.environ["PATH"]}
 
     def test_the_network_in_pytorch(self):
-        says = 'echo a warning >&2; echo "{\\"version\\": \\"9.9\\", \\"fp32\\": 0.5, \\"bf16\\": 0.25, \\"arguments\\": \\"$2\\"}"'
+        told = self.path("told")
+        says = f"echo a warning >&2; echo $* >{told}; echo '{json.dumps({'version': '9.9', 'fp32': 0.5, 'bf16': 0.25})}'"
         out, _ = self.succeeds(*self.RUN, "--references", "--json", env=self.python(says))
+        self.assertRegex(pathlib.Path(told).read_text(), r"/pytorch_forward\.py tiny [1-9]\d* 0\.05")
         reference = json.loads(out)["results"][0]["reference"]
         self.assertEqual({k: v for k, v in reference.items() if "PyTorch" in k}, {"PyTorch 9.9 fp32": 0.5, "PyTorch 9.9 bf16": 0.25})
         out, err = self.succeeds(*self.RUN, "--references", "--json", env=self.python("echo No module named torch; exit 1"))
         self.assertIn("model/tiny: without PyTorch: No module named torch", err)
+        _, err = self.succeeds(*self.RUN, "--references", "--json", env=self.python("echo no JSON"))
+        self.assertIn("model/tiny: without PyTorch: no JSON", err)
         self.assertNotIn("PyTorch", str(json.loads(out)["results"]))
 
     @unittest.skipUnless(has_pytorch(), "python3-torch is not installed")

@@ -136,17 +136,20 @@ TEST_F(ViewDepth, PointsOfAColmapModel) {
       "7 1 0 0 0 0 0 0 1 a.png\n1 1 0 2 2 1\n3 1 0 0 0 0 0 2 1 b.png\n\n";  // b stands two units further back
   test::put_file(folder_ / "cameras.txt", "1 PINHOLE 12 8 10 10 6 4\n");
   test::put_file(folder_ / "images.txt", images);
-  test::put_file(folder_ / "points3D.txt",
-                 "1 0.1 0.1 4 9 9 9 0.1 7 0 3 0 99 0\n"    // at (6.25, 4.25) in a
-                 "2 0.11 0.1 5 9 9 9 0.1 7 1 98 0 99 1\n"  // in the same pixel, farther
-                 "3 -1 0 3 9 9 9 0.1 3 1 98 1 99 2\n"      // in b alone, and in images that are not there
-                 "4 9 9 1 9 9 9 0.1 7 2 98 2 99 3\n"       // beside a's picture
-                 "5 0.1 0.1 2 9 9 9 0.1 7 3 3 2\n"         // seen by two pictures only
-                 "6 0.1 0.1 2 9 9 9 2.5 7 4 3 3 99 4\n");  // with a large error
+  const std::string few =
+      "1 0.1 0.1 4 9 9 9 0.1 7 0 3 0 99 0\n"     // at (6.25, 4.25) in a
+      "2 0.11 0.1 5 9 9 9 0.1 7 1 98 0 99 1\n"   // in the same pixel, farther
+      "3 -1 0 3 9 9 9 0.1 3 1 98 1 99 2\n"       // in b alone, and in images that are not there
+      "4 9 9 1 9 9 9 0.1 7 2 98 2 99 3\n"        // beside a's picture
+      "5 0.1 0.1 2 9 9 9 0.1 7 3 3 2\n"          // seen by two pictures only
+      "6 0.1 0.1 2.5 9 9 9 2.5 7 4 3 3 99 4\n";  // with a large error
+  std::string many = few;
+  for (int i = 7; i < 37; ++i) many += fmt::format("{} 0 0 1 9 9 9 0.1 97 0 98 0 99 0\n", i);
   set_ = {};
   set_.source = folder_.path();
   set_.views.resize(2);
   set_.views[0].colmap_image = 7, set_.views[1].colmap_image = 3;
+  test::put_file(folder_ / "points3D.txt", many);
   const ViewDepths points = point_depths(set_);
   Camera back = seeing();
   back.w2c(2, 3) = 2;
@@ -159,6 +162,9 @@ TEST_F(ViewDepth, PointsOfAColmapModel) {
   using Given = std::vector<std::pair<std::size_t, float>>;
   EXPECT_EQ(given(points(0, seeing(), seeing())), (Given{{4 * kWide + 6, 4.0f}}));
   EXPECT_EQ(given(points(1, back, back)), (Given{{4 * kWide + 4, 5.0f}, {4 * kWide + 6, 6.0f}}));
+  // Where few are reliable, all count.
+  test::put_file(folder_ / "points3D.txt", few);
+  EXPECT_EQ(given(point_depths(set_)(0, seeing(), seeing())), (Given{{4 * kWide + 6, 2.0f}}));
 }
 
 }  // namespace
