@@ -117,7 +117,7 @@ void Context::finish() {
   if (impl_->planning) return;
   try {
     const HostSpan span(HostKind::wait, "finishing");
-    impl_->queue.finish();
+    wait_for_all(impl_->queue);
   } catch (const cl::Error& e) {
     fail_cl(e, "waiting for " + impl_->info.name);
   }

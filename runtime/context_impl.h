@@ -161,10 +161,10 @@ struct Context::Impl {
       profiler.add_event(launch, event);
       return;
     }
-    queue.finish();
+    wait_for_all(queue);
     const std::uint64_t start = now_ns();
     enqueue(nullptr);
-    queue.finish();
+    wait_for_all(queue);
     profiler.add_host(launch, start, now_ns());
   }
 

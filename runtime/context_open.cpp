@@ -115,7 +115,7 @@ std::unique_ptr<Context> Context::stream() const {
 Context::~Context() {
   if (!impl_ || impl_->planning) return;
   try {
-    impl_->queue.finish();
+    wait_for_all(impl_->queue);
   } catch (const cl::Error&) {  // a queue that fails on closing cannot be helped
   }
 }

@@ -136,7 +136,7 @@ void check_red_zones(const cl::CommandQueue& queue, const Arena& arena, const st
     queue.enqueueReadBuffer(*zone.block->slab(), CL_FALSE, zone.offset, zone.size, to);
     to += zone.size;
   }
-  queue.finish();
+  wait_for_all(queue);
   to = found.data();
   for (const RedZone& zone : zones) {
     for (std::size_t i = 0; i < zone.size; ++i)

@@ -27,4 +27,11 @@ const char* cl_error_name(cl_int code);
        e.err());
 }
 
+// Waits until the device has done all that was enqueued. Use this in place of cl::CommandQueue::finish(): that of Mesa
+// 22's rusticl waits for the newest command only if it was not flushed before. A marker is such a command.
+inline void wait_for_all(const cl::CommandQueue& queue) {
+  queue.enqueueMarkerWithWaitList();
+  queue.finish();
+}
+
 }  // namespace vsplat

@@ -28,7 +28,7 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   # These two take minutes.
   set_tests_properties(rusticl.genden_tiny rusticl.lara_tiny PROPERTIES LABELS "model;drivers;slow" TIMEOUT 1800)
   vsplat_rusticl_test(surface_loss ops_tests *SurfaceLossOp* ${tiny})
-  vsplat_rusticl_test(profile runtime_tests *ProfilesTimesThatCanBe TIMEOUT 300)
+  vsplat_rusticl_test(profile runtime_tests *ProfilesTimesThatCanBe:*FinishesWhatWasFlushed TIMEOUT 300)
   vsplat_rusticl_test(render splat_tests Committed/RenderGolden.*:CommittedSurfels/RenderGolden.* TIMEOUT 300)
   vsplat_rusticl_test(gradient splat_tests Committed/RenderBackwardGolden.*:CommittedSurfels/RenderBackwardGolden.*:*IsZeroWhereTheLossIs* TIMEOUT 300)
 else()

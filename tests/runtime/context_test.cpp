@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "runtime/opencl.h"
 #include "runtime/profile/profiler.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -99,6 +100,17 @@ TEST(Context, WrittenDataMayChangeAtOnce) {
   std::fill(data.begin(), data.end(), -1.0f);
   for (long i = 0; i < many; ++i) EXPECT_EQ(ctx->read<float>(tensors[i]), std::vector<float>(small, i)) << i;
   EXPECT_EQ(ctx->read<float>(large), std::vector<float>(4 * small, static_cast<float>(middle)));
+}
+
+// Some drivers return from clFinish() at once if everything was flushed.
+TEST(Context, FinishesWhatWasFlushed) {
+  auto ctx = open_context(Flavour::cpu);
+  const Tensor from = ctx->tensor({16 << 20}), to = ctx->tensor({16 << 20});
+  ctx->fill_zero(from);
+  for (int i = 0; i < 8; ++i) ctx->copy(from, to);
+  const cl::Event done(static_cast<cl_event>(ctx->mark()));  // flushes
+  ctx->finish();
+  EXPECT_EQ(done.getInfo<CL_EVENT_COMMAND_EXECUTION_STATUS>(), CL_COMPLETE);
 }
 
 TEST(Context, StopsWhatIsToldToStop) {
