@@ -3,53 +3,23 @@
 # network, a compiler or a driver: the command and the Python module give the same bytes as the build here does with the same driver.
 #   tests/install/bundle.sh BUILD_DIR
 # Downloads some 100 MiB a system. Exits with 77 without debootstrap, without permission to mount and chroot, without PoCL to pack, or if
-# Debian's packages cannot be reached. $VSPLAT_DEBIAN_MIRROR replaces deb.debian.org; $VSPLAT_BARE_SYSTEMS names the systems: a suite, or
+# Debian's packages cannot be reached. $VSPLAT_BARE_SYSTEMS names the systems: a suite, or
 # SUITE=MIRROR for another distribution's. To try again without the minutes of compressing and downloading: $VSPLAT_BUNDLE_MADE is an
 # archive, $VSPLAT_BARE_FOLDER holds systems made by debootstrap, in folders named like suites.
 set -eu
 build=$(cd "$1" && pwd)
 here=$(cd "$(dirname "$0")" && pwd)
 tree=$(cd "$here/../.." && pwd)
-mirror=${VSPLAT_DEBIAN_MIRROR:-http://deb.debian.org/debian}
 systems=${VSPLAT_BARE_SYSTEMS:-bookworm trixie}
-skip() {
-  echo "skipped: $*" >&2
-  exit 77
-}
-fail() {
-  echo "bundle test: $*" >&2
-  exit 1
-}
+test="bundle test"
+. "$here/../systems/bare.sh"
 if grep -q '^VSPLAT_SANITIZE:BOOL=ON' "$build/CMakeCache.txt"; then skip "a build with sanitizers is not packed"; fi
-[ "$(id -u)" = 0 ] || skip "only root may chroot"
-for program in debootstrap patchelf; do command -v $program >/dev/null || skip "there is no $program"; done
+needs patchelf
+unshare --net true 2>/dev/null || skip "the network cannot be taken away here"
 pocl=$(ldconfig -p | awk '$1 ~ /^libpocl\.so\./ { print $NF; exit }')
 [ -n "$pocl" ] || skip "there is no PoCL here to pack"
-# In a namespace of its own, so that mounts disappear when this ends, whatever ends it.
-if [ "${VSPLAT_MOUNTS_ALONE-}" != yes ]; then
-  unshare --mount --net true 2>/dev/null || skip "nothing can be mounted here"
-  VSPLAT_MOUNTS_ALONE=yes exec unshare --mount --propagation private "$0" "$build"
-fi
-work=$(mktemp -d)
-chmod 755 "$work"
-root=
-leave() {
-  [ -n "$root" ] || return 0
-  for folder in proc sys dev; do
-    if mountpoint -q "$root/$folder"; then umount -l "$root/$folder" || return; fi
-  done
-}
-finish() {
-  leave || return
-  rm -rf --one-file-system "$work"
-}
-trap finish EXIT
-trap 'exit 130' INT
-trap 'exit 143' TERM
-mkdir "$work/proc"
-mount -t proc proc "$work/proc" 2>/dev/null || skip "nothing can be mounted here"
-umount "$work/proc"
-/usr/lib/apt/apt-helper download-file "$mirror/dists/bookworm/Release" "$work/Release" >/dev/null 2>&1 || skip "$mirror cannot be reached"
+reaches "$debian" bookworm
+alone "$0" "$build"
 
 if [ -n "${VSPLAT_BUNDLE_MADE-}" ]; then
   cp "$VSPLAT_BUNDLE_MADE" "$work/vsplat.tar.xz"  # made before: compressing takes minutes
@@ -127,39 +97,34 @@ OCL_ICD_VENDORS=$(echo /try/vsplat/pocl/lib/*/libpocl.so.*) /try/vsplat/bin/vspl
 rm -r /etc/OpenCL
 END
 chmod 755 "$work/run.sh"
-# inside COMMAND...: without a network.
-inside() {
+# offline COMMAND...: in the bare system
+offline() {
   env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin unshare --net chroot "$root" "$@"
 }
 for system in $systems; do
   suite=${system%%=*}
-  case $system in *=*) from=${system#*=} ;; *) from=$mirror ;; esac
+  case $system in *=*) from=${system#*=} ;; *) from=$debian ;; esac
   root=$work/$suite
   echo "-- $suite"
   if [ -d "${VSPLAT_BARE_FOLDER-/nowhere}/$suite" ]; then
     cp -a "$VSPLAT_BARE_FOLDER/$suite" "$root"
   else
-    debootstrap --variant=minbase "$suite" "$root" "$from" >"$work/log" 2>&1 || { tail -n 20 "$work/log" >&2; exit 1; }
+    make_system "$suite" "$root" "$from"
   fi
-  mount -t proc proc "$root/proc"
-  mount -t sysfs -o ro sysfs "$root/sys"
-  mount --bind /dev "$root/dev"
+  mount_system "$root"
   mkdir -p "$root/try"
   cp -a "$work/archive/vsplat" "$work/gnome" "$work/expected" "$work/run.sh" "$work/reconstruct.py" "$wheel" "$root/try/"
-  inside /try/run.sh command
+  offline /try/run.sh command
   # The module needs Python and NumPy, which the wheel does not contain. The wheel is for this glibc or a newer one.
-  glibc=$(inside getconf GNU_LIBC_VERSION)
+  glibc=$(offline getconf GNU_LIBC_VERSION)
   least=$(echo "$wheel" | sed -n 's/.*manylinux_2_\([0-9]*\)_.*/\1/p')
   if [ "${glibc#glibc 2.}" -ge "${least:-0}" ]; then
-    cp /etc/resolv.conf "$root/etc/resolv.conf" 2>/dev/null || true
-    env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 chroot "$root" sh -c \
+    within "$root" env DEBIAN_FRONTEND=noninteractive sh -c \
       "apt-get -q update && apt-get -q -y --no-install-recommends install python3-venv python3-numpy" >"$work/log" 2>&1 || { tail -n 20 "$work/log" >&2; exit 1; }
-    inside /try/run.sh wheel
+    offline /try/run.sh wheel
   else
     echo "$glibc: older than the wheel's"
   fi
-  leave
-  rm -rf --one-file-system "$root"
-  root=
+  remove_system "$root"
 done
 echo "the archive and the wheel ran in: $systems"

@@ -3,43 +3,17 @@
 # command works on an example, programs can be built and run with the library, and removing the packages leaves nothing behind.
 #   tests/install/packages.sh BUILD_DIR
 # Downloads some 300 MiB. Exits with 77 without debootstrap, without permission to mount and chroot, or if Debian's packages cannot be
-# reached. $VSPLAT_DEBIAN_MIRROR replaces deb.debian.org.
+# reached.
 set -eu
 build=$(cd "$1" && pwd)
 here=$(cd "$(dirname "$0")" && pwd)
-mirror=${VSPLAT_DEBIAN_MIRROR:-http://deb.debian.org/debian}
-skip() {
-  echo "skipped: $*" >&2
-  exit 77
-}
-fail() {
-  echo "packages: $*" >&2
-  exit 1
-}
+test=packages
+. "$here/../systems/bare.sh"
 if grep -q '^VSPLAT_SANITIZE:BOOL=ON' "$build/CMakeCache.txt"; then skip "a build with sanitizers is not packed"; fi
-[ "$(id -u)" = 0 ] || skip "only root may chroot"
-command -v debootstrap >/dev/null || skip "there is no debootstrap"
-# In a namespace of its own, so that mounts disappear when this ends, whatever ends it.
-if [ "${VSPLAT_MOUNTS_ALONE-}" != yes ]; then
-  unshare --mount true 2>/dev/null || skip "nothing can be mounted here"
-  VSPLAT_MOUNTS_ALONE=yes exec unshare --mount --propagation private "$0" "$build"
-fi
-work=$(mktemp -d)
-chmod 755 "$work"
+needs
+reaches "$debian" bookworm
+alone "$0" "$build"
 root=$work/debian
-finish() {
-  for folder in proc sys dev; do
-    if mountpoint -q "$root/$folder"; then umount -l "$root/$folder" || return; fi
-  done
-  rm -rf --one-file-system "$work"
-}
-trap finish EXIT
-trap 'exit 130' INT
-trap 'exit 143' TERM
-mkdir -p "$root/proc"
-mount -t proc proc "$root/proc" 2>/dev/null || skip "nothing can be mounted here"
-umount "$root/proc"
-/usr/lib/apt/apt-helper download-file "$mirror/dists/bookworm/Release" "$work/Release" >/dev/null 2>&1 || skip "$mirror cannot be reached"
 
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
 rm -rf "$work/packages/_CPack_Packages"
@@ -58,13 +32,8 @@ case $libdir in
   *) echo "note: this build was configured with CMAKE_INSTALL_LIBDIR=$libdir, which is not Debian's folder" >&2 ;;
 esac
 
-debootstrap --variant=minbase bookworm "$root" "$mirror" >"$work/debootstrap.log" 2>&1 || { tail -n 20 "$work/debootstrap.log" >&2; exit 1; }
-mount -t proc proc "$root/proc"
-mount -t sysfs -o ro sysfs "$root/sys"
-mount --bind /dev "$root/dev"
-cp /etc/resolv.conf "$root/etc/resolv.conf" 2>/dev/null || true
-printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d"  # no service may start
-chmod 755 "$root/usr/sbin/policy-rc.d"
+make_system bookworm "$root" "$debian"
+mount_system "$root"
 mkdir "$root/try"
 cp "$work"/packages/*.deb "$root/try/"
 cp -r "$here" "$root/try/project"
@@ -138,5 +107,5 @@ comm -13 before after | grep vsplat >left || true
 if [ -s left ]; then echo "left behind:"; cat left; exit 1; fi
 END
 chmod 755 "$root/try/run.sh"
-env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin chroot "$root" /try/run.sh "$libdir"
+within "$root" /try/run.sh "$libdir"
 echo "installed, used, removed"
