@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <iterator>
 
 namespace vsplat {
@@ -55,6 +56,22 @@ std::string printable(std::string_view text) {
   }
   if (at < text.size()) out += fmt::format("... ({} bytes)", text.size());
   return out;
+}
+
+std::string shell_word(std::string_view text) {
+  constexpr std::string_view plain = "_-./,:=@%+";  // beside letters and digits
+  bool needs_quotes = text.empty();
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    const Character c = character_at(text.substr(at));
+    const std::string_view shown = c.seen ? text.substr(at, c.bytes) : "?";
+    const char first = shown[0];
+    needs_quotes = needs_quotes ||
+                   !(c.bytes > 1 || std::isalnum(static_cast<unsigned char>(first)) || plain.find(first) != plain.npos);
+    out += first == '\'' ? "'\\''" : shown;
+    at += c.bytes;
+  }
+  return needs_quotes ? "'" + out + "'" : out;
 }
 
 }  // namespace vsplat

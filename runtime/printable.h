@@ -10,6 +10,10 @@ namespace vsplat {
 // looks, and invalid UTF-8 become "?".
 std::string printable(std::string_view text);
 
+// Returns all of `text` as one word of a shell command that the user may copy: in single quotes if it needs them. What
+// printable() replaces becomes "?".
+std::string shell_word(std::string_view text);
+
 struct Character {
   std::size_t bytes;  // length; 1 if no valid UTF-8 character begins there
   char32_t code;

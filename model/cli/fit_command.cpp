@@ -6,6 +6,7 @@
 
 #include "arguments.h"
 #include "fit_settings.h"
+#include "runtime/printable.h"
 #include "scene_file.h"
 #include "scene_page.h"
 
@@ -108,8 +109,8 @@ void fit(FitCommand& o) {
   say(o.common,
       o.output + ": " + std::to_string(result.info().count) + " Gaussians, " + seconds_text(elapsed_seconds()));
   if (!is_page(o.output) && o.views != "-")
-    say(o.common, "next: vsplat view " + o.output + " --cameras " + o.views +
-                      (s.picture_folder.empty() ? "" : " --pictures " + s.picture_folder));
+    say(o.common, "next: vsplat view " + vsplat::shell_word(o.output) + " --cameras " + vsplat::shell_word(o.views) +
+                      (s.picture_folder.empty() ? "" : " --pictures " + vsplat::shell_word(s.picture_folder)));
   if (!o.common.json) return;
   nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
   file.add_results(out);

@@ -14,6 +14,7 @@
 #include "external_program.h"
 #include "outputs.h"
 #include "poses_result.h"
+#include "runtime/printable.h"
 #include "runtime/system/system.h"
 
 namespace command {
@@ -365,7 +366,8 @@ void PosesJob::tell(const Json& result) const {
     warn("COLMAP could not connect all pictures and made " + std::to_string(result["models"].size()) + " models, of " +
          sizes + " pictures: the largest is kept. Pictures from between their places connect them");
   }
-  if (registered == pictures) return say(o_.common, "next: vsplat fit " + o_.output + " --output scene.ply");
+  if (registered == pictures)
+    return say(o_.common, "next: vsplat fit " + vsplat::shell_word(o_.output) + " --output scene.ply");
   constexpr std::size_t shown = 12;
   std::string names;
   for (std::size_t i = 0; i < result["missing"].size() && i < shown; ++i) {
@@ -381,7 +383,7 @@ void PosesJob::tell(const Json& result) const {
     warn("fewer than half of the pictures have a camera, so a fit shows only a part. " + text);
   else
     say(o_.common, text);
-  say(o_.common, "next: vsplat fit " + o_.output + " --output scene.ply");
+  say(o_.common, "next: vsplat fit " + vsplat::shell_word(o_.output) + " --output scene.ply");
 }
 
 Json PosesJob::run() {

@@ -13,6 +13,7 @@
 
 #include "arguments.h"
 #include "external_program.h"
+#include "runtime/printable.h"
 #include "runtime/system/system.h"
 
 namespace command {
@@ -168,7 +169,8 @@ std::string find_ffmpeg(const fs::path& video, int count) {
         video.string() +
         ": is a video, and ffmpeg, which cuts pictures from it, is not installed: apt install ffmpeg (Debian, Ubuntu), "
         "dnf install ffmpeg-free (Fedora), brew install ffmpeg (macOS). On another machine, some " +
-        std::to_string(count) + " pictures are cut by\n  mkdir frames && ffmpeg -i " + video.filename().string() +
+        std::to_string(count) + " pictures are cut by\n  mkdir frames && ffmpeg -i " +
+        vsplat::shell_word(video.filename().string()) +
         " -vf fps=2 -q:v 2 frames/%04d.jpg\nand then given as the folder frames");
   return out;
 }

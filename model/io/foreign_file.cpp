@@ -13,10 +13,9 @@ namespace {
 
 using namespace std::string_view_literals;
 
-// The file name, quoted if needed, for a command that the user may copy.
+// The file name, for a command that the user may copy.
 std::string name_in_command(const std::string& path) {
-  const std::string name = printable(std::filesystem::path(path).filename().string());
-  return name.find_first_of(" '\"()&;$*?") == name.npos ? name : "\"" + name + "\"";
+  return shell_word(std::filesystem::path(path).filename().string());
 }
 
 std::string lower_ending(const std::string& path) {

@@ -34,6 +34,17 @@ TEST(Printable, WhatIsNoUtf8IsReplacedByteByByte) {
   EXPECT_EQ(printable("\xf4\x90\x80\x80"), "????");  // beyond the last code point
 }
 
+TEST(Printable, ShellWordsAreQuotedIfTheyNeedIt) {
+  EXPECT_EQ(shell_word("photos/walk-1.mp4"), "photos/walk-1.mp4");
+  EXPECT_EQ(shell_word("\xc3\xa4.png"), "\xc3\xa4.png");
+  EXPECT_EQ(shell_word("my photos"), "'my photos'");
+  EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
+  EXPECT_EQ(shell_word("$(x);`y`"), "'$(x);`y`'");
+  EXPECT_EQ(shell_word("a\nb"), "'a?b'");
+  EXPECT_EQ(shell_word(""), "''");
+  EXPECT_EQ(shell_word(std::string(300, 'x')), std::string(300, 'x'));
+}
+
 TEST(Printable, CutsBetweenCharacters) {
   EXPECT_EQ(printable(std::string(100, 'x')), std::string(100, 'x'));
   EXPECT_EQ(printable(std::string(101, 'x')), std::string(100, 'x') + "... (101 bytes)");

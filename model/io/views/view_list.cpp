@@ -48,33 +48,33 @@ std::string kind_of(const fs::path& file) {
     return head.size() >= place + text.size() && head.substr(place, text.size()) == text;
   };
   struct Magic {
-    std::size_t place;
     std::string_view text;
     const char* kind;
   };
-  static constexpr Magic known[] = {{0, "\xff\xd8\xff", "a JPEG picture"},
-                                    {0, "\x89PNG", "a PNG picture"},
-                                    {8, "WEBP", "a WebP picture"},
-                                    {0, "\x76\x2f\x31\x01", "an OpenEXR picture"},
-                                    {0, {"II*\0", 4}, "a TIFF picture"},
-                                    {0, {"MM\0*", 4}, "a TIFF picture"},
-                                    {0, "GIF8", "a GIF picture"},
-                                    {4, "ftypheic", "a HEIC picture"},
-                                    {4, "ftypheix", "a HEIC picture"},
-                                    {4, "ftypmif1", "a HEIC picture"},
-                                    {4, "ftypavif", "an AVIF picture"},
-                                    {4, "ftyp", "a video"},
-                                    {0, "\x1a\x45\xdf\xa3", "a video"},
-                                    {8, "AVI ", "a video"},
-                                    {0, "SQLite format 3", "a database, as COLMAP's features are kept in"},
-                                    {0, "ply\n", "a PLY file, a scene or points"},
-                                    {0, "ply\r", "a PLY file, a scene or points"},
-                                    {0, "\x89HDF", "an HDF5 file"},
-                                    {0, "glTF", "a glTF mesh"},
-                                    {0, "PK\x03\x04", "a ZIP archive"},
-                                    {0, "\x1f\x8b", "a gzip archive"}};
+  static constexpr Magic known[] = {{"\xff\xd8\xff", "a JPEG picture"},
+                                    {"\x89PNG", "a PNG picture"},
+                                    {"\x76\x2f\x31\x01", "an OpenEXR picture"},
+                                    {{"II*\0", 4}, "a TIFF picture"},
+                                    {{"MM\0*", 4}, "a TIFF picture"},
+                                    {"GIF8", "a GIF picture"},
+                                    {"\x1a\x45\xdf\xa3", "a video"},
+                                    {"SQLite format 3", "a database, as COLMAP's features are kept in"},
+                                    {"ply\n", "a PLY file, a scene or points"},
+                                    {"ply\r", "a PLY file, a scene or points"},
+                                    {"\x89HDF", "an HDF5 file"},
+                                    {"glTF", "a glTF mesh"},
+                                    {"PK\x03\x04", "a ZIP archive"},
+                                    {"\x1f\x8b", "a gzip archive"}};
   for (const Magic& magic : known)
-    if (at(magic.place, magic.text)) return magic.kind;
+    if (at(0, magic.text)) return magic.kind;
+  // Where the name does not come first, it may also stand in a text.
+  if (at(0, "RIFF") && at(8, "WEBP")) return "a WebP picture";
+  if (at(0, "RIFF") && at(8, "AVI ")) return "a video";
+  if (at(0, {"\0", 1}) && at(4, "ftyp")) {
+    for (const char* brand : {"heic", "heix", "mif1"})
+      if (at(8, brand)) return "a HEIC picture";
+    return at(8, "avif") ? "an AVIF picture" : "a video";
+  }
   if (at(0, "BM") && has_picture_ending(file)) return "a BMP picture";
   return "";
 }
@@ -89,7 +89,8 @@ std::string how_to_get_poses(const fs::path& pictures) {
       "Then give {1}. Masks leave the background out: PNG files in {1}/masks, named like the pictures, white where the "
       "object is. Any program can make them, such as rembg:\n"
       "  vsplat poses {0} --output {1} --mask-command 'rembg i -om'",
-      pictures.string(), name.empty() || name == "." || name == ".." ? "posed" : name + "-posed");
+      shell_word(pictures.string()),
+      shell_word(name.empty() || name == "." || name == ".." ? "posed" : name + "-posed"));
 }
 
 std::size_t pictures_in_folder(const fs::path& folder) {

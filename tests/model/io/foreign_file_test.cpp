@@ -28,7 +28,7 @@ TEST(ForeignFile, GivenAsAScene) {
       {"b.spz", "NGSP" + std::string(50, 'x'), {"SPZ"}},
       {"c.ply", "\x1f\x8b\x08" + std::string(50, 'x'), {"gzip", "gunzip"}},
       {"a.splat", std::string(64, '\x7'), {".splat"}},
-      {"my scene.ksplat", std::string(64, '\0'), {".ksplat", convert + "\"my scene.ksplat\" \"my scene.ply\""}},
+      {"my scene.ksplat", std::string(64, '\0'), {".ksplat", convert + "'my scene.ksplat' 'my scene.ply'"}},
       {"a.sog", "PK\x03\x04" + std::string(26, 'x') + "meta.json", {"SOG file of Gaussians"}},
       {"a.zip", "PK\x03\x04" + std::string(26, 'x') + "scene.ply", {"zip", "unpack"}},
       {"meta.json",

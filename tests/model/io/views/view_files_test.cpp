@@ -283,6 +283,9 @@ TEST_F(ViewFiles, WhatIsNoListIsNamed) {
   refused("a.jpg", "\xff\xd8\xff\xe0", {"a.jpg", "a JPEG picture", "vsplat poses", "masks"});
   refused("b", "\x89PNG\r\n", {"b", "a PNG picture"});
   refused("c.mp4", std::string("\0\0\0\x18", 4) + "ftypisom", {"a video", "c.mp4 --output c-posed"});
+  refused("my walk.avi", std::string("RIFF\1\2\3\4") + "AVI LIST",
+          {"a video", "my walk.avi' --output 'my walk-posed'"});
+  refused("c.json", "{\"fl_x\":AVI }", {"c.json", "JSON"});
   refused("d.ply", "ply\nformat", {"a PLY file"});
   refused("e.db", "SQLite format 3", {"a database"});
   refused("f.json", "{\"views\": [], \"extrinsics\": []}", {"neither", "views", "extrinsics"});
