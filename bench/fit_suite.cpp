@@ -60,7 +60,7 @@ double score_error(Context& ctx, const Data& d) {
     const auto* pixel = &d.given[0].rgba[i / 3 * 4];
     want.data[i] = (static_cast<float>(pixel[i % 3]) + 255.0f - static_cast<float>(pixel[3])) / 255.0f;
   }
-  const double here = psnr(drawn, want), there = d.fitter->judge(d.pictures[0]).psnr;
+  const double here = psnr(drawn, want), there = d.fitter->score(d.pictures[0]).psnr;
   return std::abs(here - there) / here;
 }
 

@@ -125,8 +125,8 @@ has_option() { "$vsplat" help "$1" 2>/dev/null | grep -q -- "$2"; }
 # note TEXT: for the step's line of the summary
 notes=''
 note() { notes="$notes${notes:+; }$*"; }
-# told FILE: the last line of what a program said of itself
-told() { grep -v '^$' "$dir/$1.err" 2>/dev/null | tail -n 1 | cut -c 1-300; }
+# last_message FILE: the last line of what a program said of itself
+last_message() { grep -v '^$' "$dir/$1.err" 2>/dev/null | tail -n 1 | cut -c 1-300; }
 seconds_in() { field seconds <"$dir/$1.out" | awk '{ printf "%.3f", $1 }'; }
 
 # From a profile: the seconds in which the device ran something, the network and the drawing.
@@ -139,7 +139,7 @@ step_doctor() {
   run nvidia-smi nvidia-smi -q || :
   # As the machine is, and with the entry that may have been made.
   run doctor-as-found env -u OCL_ICD_VENDORS ${found_vendors:+"OCL_ICD_VENDORS=$found_vendors"} LD_LIBRARY_PATH="$found_libraries" "$vsplat" doctor || :
-  run doctor "$vsplat" doctor || note "$(told doctor)"
+  run doctor "$vsplat" doctor || note "$(last_message doctor)"
   run doctor-json "$vsplat" doctor --json || :
   run devices "$vsplat" devices --json || bad=1
   run report-no-run "$vsplat" report --no-run --overwrite --output "$dir/report.json" || bad=1
@@ -153,7 +153,7 @@ step_selftest() {
   code=0
   run selftest env -u VSPLAT_SELFTEST "$vsplat" selftest --device "$device" --json || code=$?
   note "verdict: $(field verdict <"$dir/selftest.out")"
-  note "$(told selftest)"
+  note "$(last_message selftest)"
   return $code
 }
 
@@ -204,7 +204,7 @@ reconstruct() {
   for time_of in first second; do
     run "$kind-$time_of" env VSPLAT_TUNING="$tuning" "$vsplat" reconstruct "$views/solid_0000" --model "$model" --view-count 4 --selection "$work/selection-$volume" \
       --output "$work/$kind.ply" --render orbit:8 --images "$dir/$kind" --write-cameras "$work/$kind-cameras.json" --profile "$dir/$kind-$time_of.json" --device "$device" --json --overwrite "$@" || {
-      note "$kind: $(told "$kind-$time_of")"
+      note "$kind: $(last_message "$kind-$time_of")"
       return 1
     }
     note "$kind, $time_of time: $(seconds_in "$kind-$time_of") s, of them $(device_seconds "$dir/$kind-$time_of.json") on the device"

@@ -101,7 +101,7 @@ void add(const Module& module, Prepared& to, const char* library, const char* ma
 
 const float* data_or_null(const std::vector<float>& of) { return of.empty() ? nullptr : of.data(); }
 
-std::shared_ptr<std::vector<float>> room(long count) {
+std::shared_ptr<std::vector<float>> output_buffer(long count) {
   return std::make_shared<std::vector<float>>(static_cast<std::size_t>(count));
 }
 
@@ -119,7 +119,7 @@ void References::add_product(const Context& ctx, Prepared& to, const std::functi
   if (!module) return;
   const auto data = std::make_shared<Product>(make());
   for (const bool onednn : {false, true}) {
-    const auto out = room(data->m * data->n);
+    const auto out = output_buffer(data->m * data->n);
     const VsplatProduct task{data->m,
                              data->n,
                              data->k,
@@ -138,7 +138,7 @@ void References::add_convolution(const Context& ctx, Prepared& to, const std::fu
   const Module* module = module_for(ctx);
   if (!module) return;
   const auto data = std::make_shared<Convolution>(make());
-  const auto out = room(data->side * data->side * data->side * data->cout);
+  const auto out = output_buffer(data->side * data->side * data->side * data->cout);
   const VsplatConvolution task{data->side,
                                data->cin,
                                data->cout,
@@ -154,7 +154,7 @@ void References::add_attention(const Context& ctx, Prepared& to, const std::func
   const Module* module = module_for(ctx);
   if (!module) return;
   const auto data = std::make_shared<Attention>(make());
-  const auto out = room(data->v * data->t * data->h * data->d);
+  const auto out = output_buffer(data->v * data->t * data->h * data->d);
   const VsplatAttention task{data->v, data->t, data->h, data->d, data->qkv.data(), out->data()};
   add(*module, to, "onednn", "vsplat_onednn_attention", task, data, out, data->want);
 }

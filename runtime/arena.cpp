@@ -200,8 +200,9 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
   std::size_t best_slab = 0, best_offset = 0, best_size = 0;
 
   for (std::size_t i = 0; i < s.slabs.size(); ++i)
-    for (const auto& [offset, room] : s.slabs[i].free)
-      if (room >= size && (best_size == 0 || room < best_size)) best_slab = i, best_offset = offset, best_size = room;
+    for (const auto& [offset, length] : s.slabs[i].free)
+      if (length >= size && (best_size == 0 || length < best_size))
+        best_slab = i, best_offset = offset, best_size = length;
   if (best_size) {
     auto& free = s.slabs[best_slab].free;
     free.erase(best_offset);

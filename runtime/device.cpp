@@ -80,7 +80,7 @@ constexpr cl_device_info kAmdTopology =
     0x4037;  // CL_DEVICE_TOPOLOGY_AMD: 24 bytes, the last three bus, device, function
 
 template <class T>
-std::optional<T> told(const cl::Device& device, cl_device_info what) {
+std::optional<T> info_of(const cl::Device& device, cl_device_info what) {
   T out{};
   if (clGetDeviceInfo(device(), what, sizeof out, &out, nullptr) != CL_SUCCESS) return std::nullopt;
   return out;
@@ -91,14 +91,15 @@ std::optional<PciAddress> pci_of(const cl::Device& device, const std::string& ex
     return extensions.find(std::string(" ") + name + " ") != std::string::npos;
   };
   if (has("cl_khr_pci_bus_info"))
-    if (const auto at = told<std::array<cl_uint, 4>>(device, kPciBusInfo))
+    if (const auto at = info_of<std::array<cl_uint, 4>>(device, kPciBusInfo))
       return PciAddress{(*at)[0], (*at)[1], (*at)[2], (*at)[3]};
   if (has("cl_nv_device_attribute_query")) {
-    const auto bus = told<cl_uint>(device, kNvidiaBus), slot = told<cl_uint>(device, kNvidiaSlot);
-    if (bus && slot) return PciAddress{told<cl_uint>(device, kNvidiaDomain).value_or(0), *bus, *slot >> 3, *slot & 7u};
+    const auto bus = info_of<cl_uint>(device, kNvidiaBus), slot = info_of<cl_uint>(device, kNvidiaSlot);
+    if (bus && slot)
+      return PciAddress{info_of<cl_uint>(device, kNvidiaDomain).value_or(0), *bus, *slot >> 3, *slot & 7u};
   }
   if (has("cl_amd_device_attribute_query"))
-    if (const auto at = told<std::array<std::uint8_t, 24>>(device, kAmdTopology); at && (*at)[0] == 1)  // PCIe
+    if (const auto at = info_of<std::array<std::uint8_t, 24>>(device, kAmdTopology); at && (*at)[0] == 1)  // PCIe
       return PciAddress{0, (*at)[21], (*at)[22], (*at)[23]};
   return std::nullopt;
 }
@@ -146,7 +147,7 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   // A CPU device computes in this process: its instructions are the processor's.
   if (d.type == DeviceType::cpu && has_avx512bf16()) d.matrix_units = {MatrixUnit::avx512bf16};
   if (extensions.find(" cl_khr_device_uuid ") != std::string::npos)
-    d.uuid = told<std::array<std::uint8_t, 16>>(device, kUuid);
+    d.uuid = info_of<std::array<std::uint8_t, 16>>(device, kUuid);
   d.pci = pci_of(device, extensions);
   d.is_pocl = d.platform_name == "Portable Computing Language";
   // On a GPU with many units a short launch would end while most units wait for the last one, and half a second is more

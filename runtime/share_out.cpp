@@ -59,9 +59,9 @@ class Sharing {
   std::optional<std::size_t> take(std::size_t worker) {
     std::unique_lock lock(mutex_);
     for (;;) {
-      if (ended_ || told_ == shared_.items) return std::nullopt;
+      if (ended_ || delivered_ == shared_.items) return std::nullopt;
       for (const std::size_t item : waiting_) {
-        if (item - told_ >= ahead_) break;  // no waiting item is before told_; and no sum overflows
+        if (item - delivered_ >= ahead_) break;  // no waiting item is before delivered_; and no sum overflows
         if (!is_for(worker, item)) continue;
         waiting_.erase(item);
         return item;
@@ -79,8 +79,8 @@ class Sharing {
     // One thread calls `done` at a time, without the lock; other threads leave their items to it and continue.
     if (telling_) return;
     telling_ = true;
-    while (!finished_.empty() && *finished_.begin() == told_) {
-      const std::size_t now = told_;
+    while (!finished_.empty() && *finished_.begin() == delivered_) {
+      const std::size_t now = delivered_;
       lock.unlock();
       try {
         if (shared_.done) shared_.done(now);
@@ -90,7 +90,7 @@ class Sharing {
       }
       lock.lock();
       finished_.erase(finished_.begin());
-      ++told_;
+      ++delivered_;
       changed_.notify_all();
     }
     telling_ = false;
@@ -128,7 +128,7 @@ class Sharing {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::size_t left_;                                 // workers
-  std::size_t told_ = 0;                             // items that `done` was called for
+  std::size_t delivered_ = 0;                        // items that `done` was called for
   std::set<std::size_t> waiting_, finished_, gone_;  // items, items, workers
   bool telling_ = false, ended_ = false;
   std::exception_ptr error_;

@@ -156,7 +156,7 @@ class Documents(unittest.TestCase):
         self.assertGreater(len(shown), 0)
         self.assertLessEqual(sum(p.stat().st_size for p in files), 1 << 20)
 
-    def test_a_page_without_errors_is_told_from_one_with(self):
+    def test_a_page_without_errors_is_distinguished_from_one_with(self):
         readme = ROOT / "README.md"
         for target in ("no-such-file.md", "examples/pictures/none.png", "../outside.md", "#no-such-heading",
                        "CONTRIBUTING.md#no-such-heading", "LICENSE#heading"):
@@ -268,7 +268,7 @@ class Commands(unittest.TestCase):
             for shown, config in zip(columns[1:], (small, inside)):
                 self.assertEqual(shown, ", ".join(text(config.get(field)) for field in fields), names)
 
-    def test_fields_of_the_configurations_are_told(self):
+    def test_fields_of_the_configurations_are_reported(self):
         done = subprocess.run([os.environ["VSPLAT"], "train", "--print-config"], capture_output=True, text=True, timeout=60, check=True)
         config = json.loads(done.stdout)
         for page, fields in (("model/train/README.md", config), ("model/networks/params/README.md", config["model"])):

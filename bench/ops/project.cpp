@@ -30,8 +30,9 @@ std::vector<Case> project_cases(const Options&) {
          a.chunk = d.gaussians, a.views = d.views, a.visible = d.projected, a.offsets = binned.offsets;
          a.intersections = rasterize_backward(ctx, d.blend_backward(ctx, binned));
          a.dchunk = zero_gradients(ctx, d.gaussians.count(), d.gaussians.sh_degree());
-         a.twists = ctx.tensor({d.projected.ids.dim(0), 6});
-         return operation(ctx, [&ctx, a] { project_backward(ctx, a); }, {a.dchunk.means, a.dchunk.sh, a.twists});
+         a.pose_gradients = ctx.tensor({d.projected.ids.dim(0), 6});
+         return operation(ctx, [&ctx, a] { project_backward(ctx, a); },
+                          {a.dchunk.means, a.dchunk.sh, a.pose_gradients});
        }},
       {"pulls",
        [](Context& ctx) {
@@ -54,15 +55,15 @@ std::vector<Case> project_cases(const Options&) {
              },
              [out] { return std::vector{*out}; });
        }},
-      {"sum_twists",
+      {"sum_pose_gradients",
        [](Context& ctx) {
-         const Tensor twists = random(ctx, {kVoxels, 6}, 1), copied = ctx.tensor({kVoxels, 6});
+         const Tensor pose_gradients = random(ctx, {kVoxels, 6}, 1), copied = ctx.tensor({kVoxels, 6});
          const auto out = std::make_shared<Tensor>();
          return operation_with(
              ctx,
-             [&ctx, twists, copied, out] {
-               ctx.copy(twists, copied);
-               *out = sum_twists(ctx, copied);
+             [&ctx, pose_gradients, copied, out] {
+               ctx.copy(pose_gradients, copied);
+               *out = sum_pose_gradients(ctx, copied);
              },
              [out] { return std::vector{*out}; });
        }},

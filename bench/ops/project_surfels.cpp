@@ -31,9 +31,9 @@ std::vector<Case> project_surfels_cases(const Options&) {
          a.chunk = d.gaussians, a.views = d.views, a.visible = d.projected, a.offsets = binned.offsets;
          a.intersections = rasterize_surfels_backward(ctx, d.blend_backward(ctx, binned));
          a.dchunk = zero_gradients(ctx, d.gaussians.count(), d.gaussians.sh_degree(), GaussianKind::surfel);
-         a.twists = ctx.tensor({d.projected.ids.dim(0), 6});
+         a.pose_gradients = ctx.tensor({d.projected.ids.dim(0), 6});
          return operation(ctx, [&ctx, a] { project_surfels_backward(ctx, a); },
-                          {a.dchunk.means, a.dchunk.sh, a.twists});
+                          {a.dchunk.means, a.dchunk.sh, a.pose_gradients});
        }},
   };
 }

@@ -14,7 +14,7 @@
 // dquats           f32   [K,4]    added to: by the quaternion as given, of any length
 // dopacities       f32   [K]      added to
 // dsh              f32   [K,S,3]  added to
-// twists           f32   [N,6]    written: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times
+// dpose            f32   [N,6]    written: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times
 //                                 world to camera; null: not written
 // define ANTIALIAS                as in project.cl
 // work-items       one per visible Gaussian
@@ -182,15 +182,15 @@ static inline float3 place_backward(Seen f, Ellipse p, Jacobian by, float by_z) 
 // The gradient by the camera's pose. A turn moves the place and turns J W. A shift by tau moves the place and, by -W^T
 // tau, the camera's centre, which colours are seen from.
 static inline void pose_backward(Seen f, float3 by_place, Jacobian by, float3 by_from, int mirrored,
-                                 global float* twist) {
+                                 global float* dpose) {
   const float3 place = (float3)(dot(f.W0, f.d), dot(f.W1, f.d), f.z);
   const float3 c1 = (float3)(dot(f.W0, by.j1), dot(f.W1, by.j1), dot(f.W2, by.j1));
   const float3 c2 = (float3)(dot(f.W0, by.j2), dot(f.W1, by.j2), dot(f.W2, by.j2));
   const float3 J1 = f.fx * f.rz * (float3)(1.0f, 0.0f, -f.sx), J2 = f.fy * f.rz * (float3)(0.0f, 1.0f, -f.sy);
   const float3 by_centre =
       (mirrored ? -1.0f : 1.0f) * (float3)(dot(f.W0, by_from), dot(f.W1, by_from), dot(f.W2, by_from));
-  vstore3(cross(place, by_place) + cross(c1, J1) + cross(c2, J2), 0, twist);
-  vstore3(by_place + by_centre, 0, twist + 3);
+  vstore3(cross(place, by_place) + cross(c1, J1) + cross(c2, J2), 0, dpose);
+  vstore3(by_place + by_centre, 0, dpose + 3);
 }
 
 kernel MORE_REGISTERS void project_backward(global const float* means, global const float* scales,
@@ -200,12 +200,12 @@ kernel MORE_REGISTERS void project_backward(global const float* means, global co
                                             global const float* rows, global const uchar* touched,
                                             global const uint* offsets, global float* dmeans, global float* dscales,
                                             global float* dquats, global float* dopacities, global float* dsh,
-                                            global float* twists, int N, int K, int base, int S) {
+                                            global float* dpose, int N, int K, int base, int S) {
   const int n = get_global_id(0);
   if (n >= N || ids[n] < (uint)base || ids[n] - (uint)base >= (uint)K) return;
   const RowSums sum = sum_rows(rows, touched, offsets[n], offsets[n + 1]);
-  if (twists)
-    for (int c = 0; c < 6; ++c) twists[(size_t)n * 6 + c] = 0.0f;
+  if (dpose)
+    for (int c = 0; c < 6; ++c) dpose[(size_t)n * 6 + c] = 0.0f;
   if (!sum.seen) return;
 
   const size_t i = ids[n] - base;
@@ -229,22 +229,22 @@ kernel MORE_REGISTERS void project_backward(global const float* means, global co
       (float3)(tint.x > 0.0f ? sum.low.s6 : 0.0f, tint.y > 0.0f ? sum.low.s7 : 0.0f, tint.z > 0.0f ? sum.high.x : 0.0f);
   const float3 by_from = colour_backward(camera, mean, sh + i * S * 3, dsh + i * S * 3, S, by_colour);
   add3(by_mean + by_from, i, dmeans);
-  if (twists) pose_backward(f, by_place, by, by_from, mirrored, twists + (size_t)n * 6);
+  if (dpose) pose_backward(f, by_place, by, by_from, mirrored, dpose + (size_t)n * 6);
 }
 
-// The gradient by the pose: sums of the twists, in order, so that they are the same every time.
+// The gradient by the pose: sums over visible Gaussians, in order, so that they are the same every time.
 // ```
 // argument    type  shape       what
-// twists      f32   [N,6]       from project_backward
+// dpose       f32   [N,6]       from project_backward
 // sums        f32   [blocks,6]  written: sums over `block` Gaussians each, blocks = ceil(N / block)
 // work-items  one per number of sums
 // ```
-kernel void project_backward_pose(global const float* twists, global float* sums, int N, int block, int blocks) {
+kernel void project_backward_pose(global const float* dpose, global float* sums, int N, int block, int blocks) {
   const int at = get_global_id(0);
   if (at >= blocks * 6) return;
   const int b = at / 6, c = at % 6, end = min(N, (b + 1) * block);
   float sum = 0.0f;
-  for (int n = b * block; n < end; ++n) sum += twists[(size_t)n * 6 + c];
+  for (int n = b * block; n < end; ++n) sum += dpose[(size_t)n * 6 + c];
   sums[at] = sum;
 }
 

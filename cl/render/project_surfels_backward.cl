@@ -9,7 +9,7 @@
 // records          f32   [N,20]  of the visible surfels, as project_surfels.cl writes them
 // rows             f32   [M,20]  of the intersections, as rasterize_surfels_backward.cl writes them
 // dscales          f32   [K,2]   added to
-// dmeans .. twists               as in project_backward.cl
+// dmeans .. dpose                as in project_backward.cl
 // work-items       one per visible surfel
 // ```
 // As in the forward, these count as constant: tiles, culling, the normal's side, and a colour clamped to 0.
@@ -134,12 +134,12 @@ kernel MORE_REGISTERS void project_surfels_backward(
     global const float* sh, global const float* views, int view, int mirrored, int current, global const uint* ids,
     global const float* records, global const float* rows, global const uchar* touched, global const uint* offsets,
     global float* dmeans, global float* dscales, global float* dquats, global float* dopacities, global float* dsh,
-    global float* twists, int N, int K, int base, int S) {
+    global float* dpose, int N, int K, int base, int S) {
   const int at = get_global_id(0);
   if (at >= N || ids[at] < (uint)base || ids[at] - (uint)base >= (uint)K) return;
   const RowSums sum = sum_rows(rows, touched, offsets[at], offsets[at + 1]);
-  if (twists)
-    for (int c = 0; c < 6; ++c) twists[(size_t)at * 6 + c] = 0.0f;
+  if (dpose)
+    for (int c = 0; c < 6; ++c) dpose[(size_t)at * 6 + c] = 0.0f;
   if (!sum.seen) return;
 
   const size_t i = ids[at] - base;
@@ -168,10 +168,9 @@ kernel MORE_REGISTERS void project_surfels_backward(
       (float3)(tint.x > 0.0f ? sum.low.sd : 0.0f, tint.y > 0.0f ? sum.low.se : 0.0f, tint.z > 0.0f ? sum.low.sf : 0.0f);
   const float3 by_from = colour_backward(camera, mean, sh + i * S * 3, dsh + i * S * 3, S, by_colour);
   add3(TURNED_BACK(f.W0, f.W1, f.W2, by_place) + by_from, i, dmeans);
-  if (!twists) return;
+  if (!dpose) return;
   // A turn moves place and axes. A shift by tau moves the place and, by -W^T tau, the camera's centre, which colours
   // are seen from.
-  vstore3(cross(f.p, by_place) + cross(f.tu, by.tu) + cross(f.tv, by.tv) + cross(f.n, by.n), 0,
-          twists + (size_t)at * 6);
-  vstore3(by_place + (mirrored ? -1.0f : 1.0f) * TURNED(f.W0, f.W1, f.W2, by_from), 0, twists + (size_t)at * 6 + 3);
+  vstore3(cross(f.p, by_place) + cross(f.tu, by.tu) + cross(f.tv, by.tv) + cross(f.n, by.n), 0, dpose + (size_t)at * 6);
+  vstore3(by_place + (mirrored ? -1.0f : 1.0f) * TURNED(f.W0, f.W1, f.W2, by_from), 0, dpose + (size_t)at * 6 + 3);
 }

@@ -121,7 +121,7 @@ vsplat_status vsplat_compare(const float* pixels, const float* reference, int32_
   return guarded([&] {
     need(pixels, "pixels");
     need(reference, "reference");
-    need_room(out_comparison, "out_comparison");
+    require_output(out_comparison, "out_comparison");
     const Image a = clamped(pixels, picture_side("pixels", "width", width), picture_side("pixels", "height", height)),
                 b = clamped(reference, width, height);
     vsplat_comparison found = VSPLAT_COMPARISON_INIT;

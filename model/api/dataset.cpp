@@ -150,7 +150,7 @@ vsplat_status vsplat_dataset_describe(vsplat_dataset dataset, size_t index, char
 vsplat_status vsplat_dataset_survey(vsplat_dataset dataset, size_t index, int32_t pictures,
                                     vsplat_dataset_object* out_object, char** out_bad) {
   return guarded([&] {
-    need_room(out_object, "out_object");
+    require_output(out_object, "out_object");
     const ObjectSurvey found = survey(object_at(dataset, index), pictures);
     vsplat_dataset_object out = VSPLAT_DATASET_OBJECT_INIT;
     out.views = found.views;

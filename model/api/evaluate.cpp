@@ -228,7 +228,7 @@ vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene, vsp
     const DeviceUse use(device);
     need(scene, "scene");
     need(views, "views");
-    need_room(out_mean, "out_mean");
+    require_output(out_mean, "out_mean");
     const vsplat_measure_options o = taken(options, VSPLAT_MEASURE_OPTIONS_INIT, "options");
     if (o.longest < 0) fail(Status::usage, "options.longest is {}: 0, or a number of pixels expected", o.longest);
     Photographs photographs = views->photographs;
@@ -253,12 +253,12 @@ vsplat_status vsplat_scene_measure(vsplat_device device, vsplat_scene scene, vsp
           render_picture(device->context, on_device(device, drawn_scene, drawn_pixels(camera, how)), camera, how)
               .colour;
       all.push_back(compare_drawing(device->context, drawn, given, lpips));
-      vsplat_measured told = measured(all.back(), wanted[i]);
-      told.width = drawn.width, told.height = drawn.height;
-      told.drawn = drawn.data.data(), told.given = given.picture.data.data();
-      if (o.on_picture && !o.on_picture(o.user, &told))
+      vsplat_measured compared = measured(all.back(), wanted[i]);
+      compared.width = drawn.width, compared.height = drawn.height;
+      compared.drawn = drawn.data.data(), compared.given = given.picture.data.data();
+      if (o.on_picture && !o.on_picture(o.user, &compared))
         fail(Status::cancelled, "stopped after {} of {} pictures", i + 1, wanted.size());
-      if (std::isnan(told.psnr))
+      if (std::isnan(compared.psnr))
         warn("{}: no pixel of it is inside its mask, so nothing can be measured on it: it is left out of the means",
              photographs.set.views[static_cast<std::size_t>(wanted[i])].name);
     }
@@ -283,7 +283,7 @@ vsplat_status vsplat_model_check(vsplat_device device, vsplat_model model, const
       forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    const ModelCheck found = with_room(device, model, [&] {
+    const ModelCheck found = with_memory_freed(device, model, [&] {
       const auto network = device->residents->network(device->context, model);
       return check_model(device->context, *network, forward);
     });

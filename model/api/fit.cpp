@@ -23,8 +23,8 @@ using namespace vsplat;
 using namespace vsplat::api;
 
 struct vsplat_fit_impl : vsplat::api::Counted {
-  Kept<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
-  Kept<vsplat_views, vsplat_views_retain, vsplat_views_release> views;
+  HandleRef<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
+  HandleRef<vsplat_views, vsplat_views_retain, vsplat_views_release> views;
   Photographs photographs;  // those of `views`, with the masks' meaning in this fit
   std::vector<int> used;
   bool independent = false;
@@ -288,19 +288,19 @@ vsplat_status vsplat_fit_get_result(vsplat_fit fit, vsplat_fit_result* out_resul
   return guarded([&] {
     SceneFit& scene_fit = scene_fit_of(fit);
     const DeviceUse use(fit->device.get());
-    need_room(out_result, "out_result");
+    require_output(out_result, "out_result");
     const FitResult r = scene_fit.figures();
     vsplat_fit_result out = VSPLAT_FIT_RESULT_INIT;
     out.steps = r.steps;
     out.seconds = r.seconds;
     out.returned = r.start_returned ? 1 : 0;
     out.claimed = fit->independent && std::isfinite(r.start.psnr) && std::isfinite(r.result.psnr) ? 1 : 0;
-    out.num_held_out = static_cast<int32_t>(r.judged.size());
+    out.num_held_out = static_cast<int32_t>(r.held_out.size());
     out.start_psnr = r.start.psnr;
     out.start_ssim = r.start.ssim;
     out.result_psnr = r.result.psnr;
     out.result_ssim = r.result.ssim;
-    out.num_outliers = static_cast<int32_t>(r.suspects.size());
+    out.num_outliers = static_cast<int32_t>(r.outliers.size());
     out.sky_psnr = r.over_sky.psnr;
     out.sky_ssim = r.over_sky.ssim;
     std::copy(r.background.begin(), r.background.end(), out.background);
@@ -323,9 +323,10 @@ vsplat_status vsplat_fit_get_plan(vsplat_fit fit, vsplat_plan* out_plan) {
   return guarded([&] {
     const SceneFit& scene_fit = scene_fit_of(fit);
     const DeviceUse use(fit->device.get());
-    need_room(out_plan, "out_plan");
-    const FitRoom& room = scene_fit.memory();
-    give(out_plan, plan_of(fit->device.get()->context, room.fit.stages, room.fit.peak, true, room.host), "out_plan");
+    require_output(out_plan, "out_plan");
+    const FitBudget& budget = scene_fit.memory();
+    give(out_plan, plan_of(fit->device.get()->context, budget.fit.stages, budget.fit.peak, true, budget.host),
+         "out_plan");
   });
 }
 
@@ -342,10 +343,10 @@ vsplat_status vsplat_fit_get_views(vsplat_fit fit, vsplat_fit_views which, int32
         all = fit->used;
         break;
       case VSPLAT_FIT_HELD_OUT:
-        all = scene_fit.figures().judged;
+        all = scene_fit.figures().held_out;
         break;
       case VSPLAT_FIT_OUTLIERS:
-        all = scene_fit.figures().suspects;
+        all = scene_fit.figures().outliers;
         break;
       default:
         fail(Status::usage, "which is {}, not a value of vsplat_fit_views", value_of(which));
@@ -395,7 +396,7 @@ vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t 
                               int32_t height, vsplat_plan* out_plan) {
   return guarded([&] {
     const DeviceUse use(device);
-    need_room(out_plan, "out_plan");
+    require_output(out_plan, "out_plan");
     if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
     if (gaussians < 1 || gaussians > INT32_MAX)
       fail(Status::usage, "gaussians is {}: 1 to {} expected", gaussians, INT32_MAX);

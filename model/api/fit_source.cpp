@@ -158,7 +158,7 @@ class Prediction {
 
   vsplat_device device_;
   const Photographs& photographs_;
-  Kept<vsplat_model, vsplat_model_retain, vsplat_model_release> model_;
+  HandleRef<vsplat_model, vsplat_model_retain, vsplat_model_release> model_;
   Crop crop_;
   Placement placement_;
   ReconstructOptions options_;

@@ -56,19 +56,19 @@ void release(Handle handle) {
 
 // Keeps a handle alive.
 template <class T, void (*Retain)(T), void (*Release)(T)>
-class Kept {
+class HandleRef {
  public:
-  Kept() = default;
-  explicit Kept(T handle) : handle_(handle) { Retain(handle_); }
-  Kept(const Kept& other) : Kept(other.handle_) {}
-  Kept& operator=(const Kept&) = delete;
-  Kept& operator=(T handle) {
+  HandleRef() = default;
+  explicit HandleRef(T handle) : handle_(handle) { Retain(handle_); }
+  HandleRef(const HandleRef& other) : HandleRef(other.handle_) {}
+  HandleRef& operator=(const HandleRef&) = delete;
+  HandleRef& operator=(T handle) {
     Retain(handle);
     Release(handle_);
     handle_ = handle;
     return *this;
   }
-  ~Kept() { Release(handle_); }
+  ~HandleRef() { Release(handle_); }
   T get() const { return handle_; }
 
  private:
@@ -202,7 +202,7 @@ const T& element(const T* first, std::size_t i, const char* what) {
 
 // Checks that give() will have memory to write to, before its value is computed.
 template <class T>
-void need_room(const T* out, const char* what) {
+void require_output(const T* out, const char* what) {
   need(out, what);
   check_size(*out, what);
 }
@@ -210,7 +210,7 @@ void need_room(const T* out, const char* what) {
 // Writes as many fields as the caller's struct holds; its size field is unchanged.
 template <class T>
 void give(T* out, const T& value, const char* what) {
-  need_room(out, what);
+  require_output(out, what);
   const std::size_t size = out->size;
   std::memcpy(out, &value, size < sizeof(T) ? size : sizeof(T));
   out->size = size;

@@ -19,7 +19,7 @@ thread_local vsplat_device served = nullptr, lent = nullptr;
 // Starts a job; returns false if it was asked to stop before.
 bool begin(vsplat_device device, vsplat_job_impl& job) {
   const std::lock_guard lock(job.mutex);
-  if (job.told_to_stop) return false;
+  if (job.asked_to_stop) return false;
   device->context.go_on();  // clears a stop requested for an earlier job
   job.state = VSPLAT_JOB_RUNNING;
   return true;
@@ -45,7 +45,7 @@ void tell_end(vsplat_job_impl& job) {
   } catch (...) {  // an exception has no receiver here
   }
   const std::lock_guard lock(job.mutex);
-  job.told_its_end = true;
+  job.end_reported = true;
   job.changed.notify_all();
 }
 
@@ -97,8 +97,8 @@ void JobQueue::end_all() noexcept {
       state->changed.notify_all();
     }
     for (vsplat_job job : jobs) {
-      const vsplat_status told = vsplat_job_cancel(job);  // a failure has no receiver here
-      static_cast<void>(told);
+      const vsplat_status ignored = vsplat_job_cancel(job);  // a failure has no receiver here
+      static_cast<void>(ignored);
       vsplat_job_release(job);
     }
     std::unique_lock lock(state->mutex);

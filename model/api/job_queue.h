@@ -14,7 +14,7 @@
 struct vsplat_job_impl : vsplat::api::Counted {
   ~vsplat_job_impl();
 
-  vsplat::api::Kept<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
+  vsplat::api::HandleRef<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
   std::function<vsplat_status(vsplat_job_impl&)> run;  // cleared when it has run, with all that it keeps alive
   vsplat_job_function on_end = nullptr;
   void* user = nullptr;
@@ -22,8 +22,8 @@ struct vsplat_job_impl : vsplat::api::Counted {
   std::mutex mutex;  // guards the members below
   std::condition_variable changed;
   vsplat_job_state state = VSPLAT_JOB_QUEUED;
-  bool told_to_stop = false;
-  bool told_its_end = false;  // on_end has returned, and vsplat_job_wait may return
+  bool asked_to_stop = false;
+  bool end_reported = false;  // on_end has returned, and vsplat_job_wait may return
   vsplat_status status = VSPLAT_OK;
   std::string error;             // message if it failed
   vsplat_scene scene = nullptr;  // result of a reconstruction

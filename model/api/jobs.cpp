@@ -13,9 +13,9 @@ using namespace vsplat::api;
 
 namespace {
 
-using KeptModel = Kept<vsplat_model, vsplat_model_retain, vsplat_model_release>;
-using KeptInput = Kept<vsplat_input, vsplat_input_retain, vsplat_input_release>;
-using KeptScene = Kept<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
+using ModelRef = HandleRef<vsplat_model, vsplat_model_retain, vsplat_model_release>;
+using InputRef = HandleRef<vsplat_input, vsplat_input_retain, vsplat_input_release>;
+using SceneRef = HandleRef<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
 
 // A copy of a reconstruction's options with all that they point to.
 class OwnOptions {
@@ -69,7 +69,7 @@ vsplat_status vsplat_reconstruct_async(vsplat_device device, vsplat_model model,
     need(out_job, "out_job");
     const auto own = std::make_shared<const OwnOptions>(taken(options, VSPLAT_RECONSTRUCT_OPTIONS_INIT, "options"));
     *out_job = begun(device, job_options,
-                     [device, own, model = KeptModel(model), input = KeptInput(input)](vsplat_job_impl& job) {
+                     [device, own, model = ModelRef(model), input = InputRef(input)](vsplat_job_impl& job) {
                        const vsplat_reconstruct_options o = own->get();
                        return vsplat_reconstruct(device, model.get(), input.get(), &o, &job.scene);
                      });
@@ -94,7 +94,7 @@ vsplat_status vsplat_render_async(vsplat_device device, vsplat_scene scene, cons
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     *out_job = begun(
         device, job_options,
-        [device, o, scene = KeptScene(scene), shots = std::move(shots), rooms = std::move(rooms)](vsplat_job_impl&) {
+        [device, o, scene = SceneRef(scene), shots = std::move(shots), rooms = std::move(rooms)](vsplat_job_impl&) {
           return vsplat_render_views(device, scene.get(), shots.data(), shots.size(), &o, rooms.data());
         });
   });
@@ -117,7 +117,7 @@ vsplat_status vsplat_job_wait(vsplat_job job, double seconds, vsplat_job_state* 
       fail(Status::busy, "the job waits for this callback to return, since both belong to the same device");
     // The caller may free what on_end uses once this returns, so wait for on_end too; a job's own callback cannot wait
     // for itself.
-    const auto is_over = [&] { return has_ended() && (on_its_thread || job->told_its_end); };
+    const auto is_over = [&] { return has_ended() && (on_its_thread || job->end_reported); };
     constexpr double most = 1e9;  // a generation, and within the range of clocks
     if (seconds < 0)
       job->changed.wait(lock, is_over);
@@ -131,7 +131,7 @@ vsplat_status vsplat_job_cancel(vsplat_job job) {
   return guarded([&] {
     need(job, "job");
     const std::lock_guard lock(job->mutex);
-    job->told_to_stop = true;
+    job->asked_to_stop = true;
     if (job->state == VSPLAT_JOB_RUNNING) job->device.get()->context.cancel();
   });
 }

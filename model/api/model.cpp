@@ -201,9 +201,9 @@ vsplat_status vsplat_model_import(const char* path, const vsplat_import_options*
                                            : "imported from a PyTorch checkpoint") +
         ", vsplat " + VSPLAT_VERSION_STRING;
     std::visit([&](auto& made) { made.metadata["origin"] = origin; }, imported.model);
-    const std::string told = json_of(imported);
+    const std::string report = json_of(imported);
     auto model = handle_of(std::move(imported.model));
-    if (out_text) *out_text = new_text(told);
+    if (out_text) *out_text = new_text(report);
     *out_model = model.release();
   });
 }

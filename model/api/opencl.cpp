@@ -278,7 +278,7 @@ vsplat_status vsplat_opencl_scene_buffers(vsplat_device device, vsplat_scene sce
   return guarded([&] {
     const DeviceUse use(device);
     need(scene, "scene");
-    need_room(out_buffers, "out_buffers");
+    require_output(out_buffers, "out_buffers");
     Context& ctx = device->context;
     const DeviceGaussians there = whole_on_device(device, scene->now(), 0);
     const auto buffer = [&](const Tensor& t) { return static_cast<cl_mem>(ctx.raw_buffer(t)); };

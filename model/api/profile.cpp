@@ -100,7 +100,7 @@ vsplat_status vsplat_device_profile_count(vsplat_device device, size_t* out_coun
 vsplat_status vsplat_device_profile_get(vsplat_device device, size_t index, vsplat_profile_row* out_row) {
   return guarded([&] {
     const DeviceUse use(device);
-    need_room(out_row, "out_row");
+    require_output(out_row, "out_row");
     device->context.finish();
     const std::vector<ProfileRow> rows = device->context.profiler().rows();
     if (index >= rows.size()) fail(Status::usage, "index is {}: there are {} rows", index, rows.size());

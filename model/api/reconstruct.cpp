@@ -89,7 +89,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    Reconstruction made = with_room(device, model, [&] {
+    Reconstruction made = with_memory_freed(device, model, [&] {
       const auto network = device->residents->network(device->context, model);
       return reconstruct(device->context, *network, input->input.views, input->input.placement, how);
     });
@@ -110,7 +110,7 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
   return guarded([&] {
     const DeviceUse use(device);
     need(model, "model");
-    need_room(out_plan, "out_plan");
+    require_output(out_plan, "out_plan");
     const AnyConfig config = config_of(model);
     const int most = config.taken().most;
     if (views < 1 || views > most) fail(Status::usage, "{} views: 1 to {} expected", views, most);

@@ -30,7 +30,7 @@ const float* read(Context& ctx, const Tensor& from, float* to, bool wanted, std:
   return to;
 }
 
-vsplat_picture room_of(const vsplat_picture& picture, const std::string& what) {
+vsplat_picture output_of(const vsplat_picture& picture, const std::string& what) {
   return taken(&picture, VSPLAT_PICTURE_INIT, what.c_str());
 }
 
@@ -51,7 +51,7 @@ struct Shot {
       : what(name),
         wants_any(false),
         camera(seen_from),
-        picture(room_of(into, name)),
+        picture(output_of(into, name)),
         pixels(picture, camera.width, camera.height, name) {
     const bool arrays = picture.colour || picture.alpha || picture.depth || picture.expected || wants_geometry();
     wants_any = arrays || pixels.wanted();
@@ -180,7 +180,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     const DeviceUse use(device);
     need(scene, "scene");
     need_structs(cameras, count, "cameras");
-    need_room(out_plan, "out_plan");
+    require_output(out_plan, "out_plan");
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     std::vector<Camera> views;
     std::vector<RenderOptions> how;
@@ -216,7 +216,7 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
                                  vsplat_plan* out_plan) {
   return guarded([&] {
     const DeviceUse use(device);
-    need_room(out_plan, "out_plan");
+    require_output(out_plan, "out_plan");
     if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
     if (count > INT32_MAX) fail(Status::usage, "count is {}: at most {} Gaussians", count, INT32_MAX);
     Camera camera;

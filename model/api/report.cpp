@@ -51,7 +51,7 @@ Json info_json(vsplat_device device) {
 
 // The JSON that a call returns as text. Throws Error if it fails.
 template <class Call>
-Json told(const Call& call) {
+Json json_of_call(const Call& call) {
   char* text = nullptr;
   if (const vsplat_status status = call(&text); status != VSPLAT_OK)
     fail(static_cast<Status>(status), "{}", vsplat_last_error());
@@ -78,9 +78,10 @@ Json run_json(vsplat_device device, const vsplat_report_options& o) {
     Model model;
     hold(vsplat_model_load(nullptr, &model.handle));
     hold(vsplat_device_profile(device, 1));
-    out["check"] = told([&](char** text) { return vsplat_model_check(device, model.handle, &options, text); });
+    out["check"] = json_of_call([&](char** text) { return vsplat_model_check(device, model.handle, &options, text); });
     hold(vsplat_device_profile(device, 0));
-    out["profile"] = told([&](char** text) { return vsplat_device_profile_text(device, VSPLAT_PROFILE_JSON, text); });
+    out["profile"] =
+        json_of_call([&](char** text) { return vsplat_device_profile_text(device, VSPLAT_PROFILE_JSON, text); });
   } catch (const Error& e) {
     if (e.status() == Status::cancelled || e.status() == Status::busy) throw;
     out["error"] = e.what();
@@ -132,7 +133,7 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     out["doctor"] = Json::parse(diagnosis_json(diagnose(o.seconds)));
     out["device"] = device ? info_json(device) : Json();
     out["run"] = std::move(run);
-    out["kept"] = kept_facts();  // includes peaks that the run's profile has measured
+    out["kept"] = stored_facts();  // includes peaks that the run's profile has measured
     make_impersonal(out, personal_here(), "", "");
     *out_text = new_text(out.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   });

@@ -11,7 +11,7 @@ vsplat_status vsplat_scene_get_difference(vsplat_scene scene, vsplat_scene other
   return guarded([&] {
     need(scene, "scene");
     need(other, "other");
-    need_room(out_difference, "out_difference");
+    require_output(out_difference, "out_difference");
     const SceneDifference found = difference(*scene->now(), *other->now());
     vsplat_scene_difference out = VSPLAT_SCENE_DIFFERENCE_INIT;
     out.in_order = found.in_order;

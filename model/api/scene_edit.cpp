@@ -112,7 +112,7 @@ vsplat_status vsplat_scene_edit(vsplat_scene scene, const vsplat_scene_edit_opti
   return guarded([&] {
     need(scene, "scene");
     const vsplat_scene_edit_options o = taken(options, VSPLAT_SCENE_EDIT_OPTIONS_INIT, "options");
-    if (out_result) need_room(out_result, "out_result");
+    if (out_result) require_output(out_result, "out_result");
     if (o.sh_degree < -1 || o.sh_degree > 4)
       fail(Status::usage, "options.sh_degree is {}: 0 to 4, or -1, expected", o.sh_degree);
     const SceneFilter what = filter_of(o);

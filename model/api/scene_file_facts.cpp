@@ -22,7 +22,7 @@ void copy_text(const std::string& from, char (&to)[Size]) {
 vsplat_status vsplat_scene_file_describe(const char* path, vsplat_scene_file* out_file) {
   return guarded([&] {
     need(path, "path");
-    need_room(out_file, "out_file");
+    require_output(out_file, "out_file");
     const SceneFileFacts facts = facts_of_scene_file(path);
     vsplat_scene_file out = VSPLAT_SCENE_FILE_INIT;
     out.format = facts.format->name.data();  // literals, which end with NUL

@@ -17,7 +17,7 @@ void copy_vector(const Eigen::Vector3d& from, double (&to)[3]) {
 vsplat_status vsplat_scene_get_statistics(vsplat_scene scene, vsplat_scene_statistics* out_statistics) {
   return guarded([&] {
     need(scene, "scene");
-    need_room(out_statistics, "out_statistics");
+    require_output(out_statistics, "out_statistics");
     const std::shared_ptr<const Scene> now = scene->now();
     const SceneStatistics found = statistics_of(*now);
     const Gaussians& g = now->gaussians;

@@ -184,7 +184,7 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     const DeviceUse use(device);
     need(config, "config");
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
-    need_room(out_plan, "out_plan");
+    require_output(out_plan, "out_plan");
     clear(device);
     const Trainer::Plan plan = plan_of_stages(device->context, config, o);
     give(out_plan, plan_of(device->context, plan.stages, plan.peak, plan.fits, host_bytes(config)), "out_plan");

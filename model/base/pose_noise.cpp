@@ -17,8 +17,9 @@ double angle_of(double sine, double cosine) { return kDegrees * std::atan2(sine,
 
 }  // namespace
 
-Eigen::Matrix4d motion_of(const PoseTwist& twist) {
-  const Eigen::Vector3d w(twist[0], twist[1], twist[2]), u(twist[3], twist[4], twist[5]);
+Eigen::Matrix4d motion_of(const PoseTwist& pose_gradient) {
+  const Eigen::Vector3d w(pose_gradient[0], pose_gradient[1], pose_gradient[2]),
+      u(pose_gradient[3], pose_gradient[4], pose_gradient[5]);
   Eigen::Matrix3d k;
   k << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
   const double a = w.norm(), a2 = a * a;

@@ -14,7 +14,7 @@ namespace vsplat {
 using PoseTwist = std::array<double, 6>;
 
 // The matrix exponential of [[w] u; 0 0], a rigid motion.
-Eigen::Matrix4d motion_of(const PoseTwist& twist);
+Eigen::Matrix4d motion_of(const PoseTwist& pose_gradient);
 
 // Noise for `count` views: normal with deviation sigma in each component, determined by seed, draw and the object's
 // name. The first view has none, because it defines the frame in which results are evaluated.

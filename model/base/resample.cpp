@@ -112,9 +112,9 @@ class CornerMap {
 };
 
 // Buffers the rows of a picture that are still needed.
-class KeptRows {
+class BufferedRows {
  public:
-  explicit KeptRows(PixelRows& from) : from_(from) {}
+  explicit BufferedRows(PixelRows& from) : from_(from) {}
 
   const float* row(int y) {
     while (first_ + static_cast<int>(rows_.size()) <= y) rows_.push_back(read());
@@ -179,14 +179,14 @@ bool is_same_shape(int width, int height, int other_width, int other_height) {
 }
 
 struct ResizedRows::State {
-  KeptRows rows;
+  BufferedRows rows;
   int source_height, channels, next_row = 0;
   std::vector<Taps> columns;
 };
 
 ResizedRows::ResizedRows(PixelRows& from, int to_width, int to_height)
     : PixelRows(to_width, to_height, from.channels),
-      state_(new State{KeptRows(from), from.height, from.channels, 0,
+      state_(new State{BufferedRows(from), from.height, from.channels, 0,
                        std::vector<Taps>(static_cast<std::size_t>(to_width))}) {
   const double step = static_cast<double>(from.width) / width;
   for (int i = 0; i < width; ++i)
@@ -270,7 +270,7 @@ Image resample_undistorted(PixelRows& in, const Window& window, const Camera& ca
       if (map.footprint(i, j, u, v, wide, high) && covered_of(v, high, in.height) > 0)
         first[j] = std::min(first[j], first_tap(v, high));
   }
-  KeptRows kept(in);
+  BufferedRows kept(in);
   Image out(window.size, height, 4);
   Taps columns, rows;
   for (int j = 0; j < height; ++j) {

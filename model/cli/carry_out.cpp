@@ -65,7 +65,7 @@ int carry_out(CLI::App& app, const Run& run, const std::vector<std::string>& giv
   }
 
   const int code = finish(result_of(run));  // output is flushed before leave_ranks() may end the process
-  if (interrupted() && code == 0 && !stop_is_told()) report(code, "asked to stop; what was begun is written");
+  if (interrupted() && code == 0 && !stop_was_reported()) report(code, "asked to stop; what was begun is written");
   if (!interrupted()) leave_ranks(code);
   return interrupted() ? interrupt_code() : code;
 }

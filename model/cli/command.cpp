@@ -16,7 +16,7 @@ namespace {
 
 const auto start_time = std::chrono::steady_clock::now();
 std::atomic<int> stop_asked = 0;
-bool stop_told = false;
+bool stop_reported = false;
 std::atomic<bool> progress_shown = false;
 Ranks joined_ranks;
 int log_threshold = VSPLAT_LOG_INFO;
@@ -221,10 +221,10 @@ bool interrupted() { return stop_asked != 0; }
 
 void tell_stop(const Common& common, const std::string& text) {
   say(common, text);
-  stop_told = !common.quiet;
+  stop_reported = !common.quiet;
 }
 
-bool stop_is_told() { return stop_told; }
+bool stop_was_reported() { return stop_reported; }
 
 int interrupt_code() { return 128 + stop_asked; }
 

@@ -108,7 +108,7 @@ void let_interrupts_end();
 bool interrupted();
 // Reports a stop that the command has handled by writing what it had; `text` is the line printed.
 void tell_stop(const Common& common, const std::string& text);
-bool stop_is_told();
+bool stop_was_reported();
 int interrupt_code();  // exit code that a shell uses for the signal: 130, 143, 129
 
 // Each adds its sub-command with its options. When the sub-command is given, `run` is set to the function that does the

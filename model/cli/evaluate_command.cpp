@@ -122,9 +122,9 @@ void print(const EvaluateOptions& o, const Session& session, const Results& resu
 }
 
 // Collects finished objects. If an error or an interrupt ends the evaluation, prints them before the error is reported.
-class Kept {
+class Recorded {
  public:
-  Kept(const EvaluateOptions& options, const Session& session) : options_(options), session_(session) {}
+  Recorded(const EvaluateOptions& options, const Session& session) : options_(options), session_(session) {}
 
   void add(const char* name, const vsplat_scores& scores) { objects_.push_back({name, scores}); }
 
@@ -147,7 +147,7 @@ class Kept {
 // Argument of both callbacks.
 struct Listener {
   Session& session;
-  Kept kept;
+  Recorded recorded;
 };
 
 void evaluate(EvaluateOptions& o) {
@@ -188,12 +188,12 @@ void evaluate(EvaluateOptions& o) {
   session.about("scene", o.folders.front());
   const vsplat::Model model = load_model(o.model);
   const vsplat::DataSet data(o.folders);
-  Listener listener{session, Kept(o, session)};
+  Listener listener{session, Recorded(o, session)};
   options.progress = [](void* user, const char* stage, double done) {
     return Session::on_progress(&static_cast<Listener*>(user)->session, stage, done);
   };
   options.on_object = [](void* user, const char* name, const vsplat_scores* scores) {
-    static_cast<Listener*>(user)->kept.add(name, *scores);
+    static_cast<Listener*>(user)->recorded.add(name, *scores);
   };
   options.user = &listener;
   session.start("evaluating");
@@ -202,7 +202,7 @@ void evaluate(EvaluateOptions& o) {
       return naming(o.folders, {o.model, o.lpips},
                     [&] { return vsplat::Evaluation(session.device(), model, data, options); });
     } catch (const vsplat::Error& e) {
-      listener.kept.end(e, data.count());
+      listener.recorded.end(e, data.count());
     }
   }();
   if (!ranks.leads()) return;

@@ -56,14 +56,14 @@ void read_size(Fields& fields, SceneSet& set, const ordered_json* size) {
   } else if (size->is_number_unsigned() && size->get<std::uint64_t>() >= 16 && size->get<std::uint64_t>() <= 65535) {
     set.longest = size->get<int>(), set.size = std::to_string(set.longest);
   } else {
-    Fields::wrong(fields.told("size"), "\"full\" or a whole number of pixels from 16 to 65535", *size);
+    Fields::wrong(fields.path_of("size"), "\"full\" or a whole number of pixels from 16 to 65535", *size);
   }
 }
 
 void read_masks(Fields& fields, SceneSet& set) {
   if (fields.one_of_two("masks", "object", "ignore") == "ignore") set.masks = VSPLAT_MASKS_IGNORE;
   const ordered_json* inverted = fields.any("invert-masks");
-  if (inverted && !inverted->is_boolean()) Fields::wrong(fields.told("invert-masks"), "true or false", *inverted);
+  if (inverted && !inverted->is_boolean()) Fields::wrong(fields.path_of("invert-masks"), "true or false", *inverted);
   set.invert_masks = inverted && inverted->get<bool>();
 }
 
@@ -82,7 +82,7 @@ void read_fit(Fields& fields, SceneSet& set, const fs::path& folder) {
     if (text.empty()) continue;
     if (name != std::string("start") || start_of(text) == VSPLAT_FIT_SCENE) *field = (folder / text).string();
   }
-  const AppliedSettings applied = apply_settings(allowed, placed, fields.told("fit") + ".");
+  const AppliedSettings applied = apply_settings(allowed, placed, fields.path_of("fit") + ".");
   FitSettings& s = set.settings;
   ordered_json of_protocol = {{"size", set.size},
                               {"holdout", "none"},
@@ -91,7 +91,7 @@ void read_fit(Fields& fields, SceneSet& set, const fs::path& folder) {
   if (!set.pictures.empty()) of_protocol["pictures"] = set.pictures;
   apply_settings(set.options, of_protocol, "");
   if (!set.output.empty()) {
-    need_scene_ending(fields.told("output"), set.output);
+    need_scene_ending(fields.path_of("output"), set.output);
     s.fit.record = fs::path(set.output).replace_extension(".fit.json").string();
     s.fit.page = fs::path(set.output).replace_extension(".fit.html").string();
   }
@@ -113,7 +113,7 @@ Sets read_list(const std::string& path) {
     set->options = add_fit_settings(set->app, set->settings);
     set->name = fields.text("name");
     if (!names.insert(set->name).second)
-      throw std::runtime_error(fields.told("name") + " is " + set->name + ", as another set's");
+      throw std::runtime_error(fields.path_of("name") + " is " + set->name + ", as another set's");
     set->views = (folder / fields.text("views")).string();
     set->pictures = fields.path("pictures");
     set->test = fields.path("test");
@@ -121,12 +121,12 @@ Sets read_list(const std::string& path) {
     set->output = fields.path("output");
     read_size(fields, *set, fields.any("size"));
     if (const std::string given = fields.text("background", ""); !given.empty())
-      set->background = colour(fields.told("background"), given);
+      set->background = colour(fields.path_of("background"), given);
     read_masks(fields, *set);
     if (set->scene.empty())
       read_fit(fields, *set, folder);
     else if (fields.object("fit") || !set->output.empty())
-      throw std::runtime_error(fields.told("scene") + " is a ready scene: fit and output are for sets without one");
+      throw std::runtime_error(fields.path_of("scene") + " is a ready scene: fit and output are for sets without one");
     out.push_back(std::move(set));
   });
   return out;
@@ -189,14 +189,14 @@ void read_record(const std::string& scene, SceneRow& row) {
     Fields file(record, path + ": ", {});
     const ordered_json *counts = file.object("counts"), *figures = file.object("figures");
     if (!counts || !figures) return;
-    if (Fields(*counts, file.told("counts"), {}).count("gaussians", 0, UINT64_MAX, 0) != row.gaussians) return;
-    Fields of_fit(*figures, file.told("figures"), {});
+    if (Fields(*counts, file.path_of("counts"), {}).count("gaussians", 0, UINT64_MAX, 0) != row.gaussians) return;
+    Fields of_fit(*figures, file.path_of("figures"), {});
     SceneRow read = row;
     read.steps = of_fit.number("steps", 0, most, row.steps);
     read.seconds = of_fit.number("seconds", 0, most, row.seconds);
     read.peak = of_fit.number("peak_bytes", 0, most, row.peak);
     if (const ordered_json* over = of_fit.any("background"))
-      read.fit_over = colour_in(*over, of_fit.told("background"));
+      read.fit_over = colour_in(*over, of_fit.path_of("background"));
     row = read;
   } catch (const std::runtime_error& e) {
     warn(std::string(e.what()) + "; steps, seconds and memory of this fit are left out");

@@ -161,8 +161,8 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
     say(common, "the page took " + seconds_text(live_->spent()) + " of the fit's " +
                     seconds_text(elapsed_seconds() - begun) + ", for " + std::to_string(live_->versions()) + " scenes");
   result_ = fit.result();
-  judged_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
-  suspects_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
+  measured_on_ = names_of(fit, VSPLAT_FIT_HELD_OUT, views);
+  outliers_ = names_of(fit, VSPLAT_FIT_OUTLIERS, views);
   start_ = fit.start();
   vsplat::Scene scene = fit.scene();
   // They are corrected for the fitted scene, and do not apply to the start.
@@ -232,7 +232,7 @@ void FitJob::remember(const vsplat_fit_progress& p, double seconds) {
 // there are none, with some of those that it was fitted to.
 void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vsplat::Scene& scene,
                      const vsplat::Views& views) {
-  const bool in_turn = result_.in_turn != 0, are_held_out = !in_turn && !judged_.empty();
+  const bool in_turn = result_.in_turn != 0, are_held_out = !in_turn && !measured_on_.empty();
   if (!are_held_out && page_path_.empty()) return;
   std::vector<std::int32_t> which = fit.views(are_held_out ? VSPLAT_FIT_HELD_OUT : VSPLAT_FIT_USED);
   const std::size_t all = which.size();
@@ -272,7 +272,7 @@ void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vspla
   measured_ = are_held_out ? page_.pictures.size() : 0;
 }
 
-// What the fit does, told by the command's options and by the library.
+// What the fit does, as the options and the library describe it.
 void FitJob::settle(const vsplat::Fit& fit) {
   const ordered_json effective = ordered_json::parse(fit.settings());
   settings_ = given_settings;
@@ -353,7 +353,7 @@ void FitJob::show_live(const Session& session, const vsplat::Fit& fit, const vsp
 
 void FitJob::end_page(const Session& session, const vsplat::Scene& scene, Outputs& outputs, double begun) {
   const vsplat_fit_result& r = result_;
-  const auto told = [](double value, int digits, const char* unit = "") {
+  const auto shown = [](double value, int digits, const char* unit = "") {
     char text[32];
     std::snprintf(text, sizeof text, "%.*f", digits, value);
     return std::isfinite(value) ? text + std::string(unit) : std::string(std::isinf(value) ? "equal" : "-");
@@ -366,10 +366,10 @@ void FitJob::end_page(const Session& session, const vsplat::Scene& scene, Output
                    {"device memory, at most", bytes_text(r.peak)}};
   if (r.num_held_out > 0)  // "PSNR held out" is of the scene that is written
     page_.figures.insert(page_.figures.end(),
-                         {{"PSNR held out, start", told(r.start_psnr, 2, " dB")},
-                          {"PSNR held out", told(r.returned ? r.start_psnr : r.result_psnr, 2, " dB")},
-                          {"psnr_cc held out", told(psnr_cc_, 2, " dB")},
-                          {"SSIM held out", told(r.returned ? r.start_ssim : r.result_ssim, 4)}});
+                         {{"PSNR held out, start", shown(r.start_psnr, 2, " dB")},
+                          {"PSNR held out", shown(r.returned ? r.start_psnr : r.result_psnr, 2, " dB")},
+                          {"psnr_cc held out", shown(psnr_cc_, 2, " dB")},
+                          {"SSIM held out", shown(r.returned ? r.start_ssim : r.result_ssim, 4)}});
   page_.after = elapsed_seconds() - begun - (page_.steps.empty() ? 0 : page_.steps.back().seconds);
   write_page(session, outputs);
 }
@@ -400,13 +400,13 @@ void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::
 }
 
 void FitJob::summarise(const Common& common) const {
-  for (const std::string& name : suspects_)
+  for (const std::string& name : outliers_)
     warn(name +
          " agrees with the result far less than the other pictures do: a wrong pose, another lighting, a moved "
          "object?");
   const vsplat_fit_result& r = result_;
   const std::string on =
-      pictures_text(judged_.size()) + (r.in_turn ? ", each left out in turn: " : " that it was not fitted to: ");
+      pictures_text(measured_on_.size()) + (r.in_turn ? ", each left out in turn: " : " that it was not fitted to: ");
   if (stopped_)
     tell_stop(common, "stopped; the best so far is written: " +
                           (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));
@@ -434,7 +434,7 @@ void FitJob::add_results(ordered_json& out) const {
     return ordered_json{{"psnr", number_json(psnr)}, {"ssim", number_json(ssim)}};
   };
   out["steps"] = r.steps;
-  out["judged_on"] = judged_;
+  out["measured_on"] = measured_on_;
   out["start"] = scores(r.start_psnr, r.start_ssim);
   out["result"] = scores(r.result_psnr, r.result_ssim);
   out[r.returned ? "start" : "result"]["psnr_cc"] = number_json(psnr_cc_);
@@ -447,7 +447,7 @@ void FitJob::add_results(ordered_json& out) const {
                                {"ssim", number_json(page_.pictures[i].ssim)}});
   out["returned"] = r.returned ? "start" : "fitted";
   out["claimed"] = r.claimed != 0;
-  out["suspects"] = suspects_;
+  out["outliers"] = outliers_;
   if (!log_.empty()) out["log"] = log_;
   if (!sheet_.empty()) out["sheet"] = sheet_;
   if (!poses_.empty()) out["poses"] = poses_;

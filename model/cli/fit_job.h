@@ -65,8 +65,8 @@ class FitJob {
   const vsplat::Scene& start() const { return start_; }
   // Prints the result, and warnings if any.
   void summarise(const Common& common) const;
-  // Adds the fields "steps", "judged_on", "start", "result", "over_sky", "held_out", "returned", "claimed", "suspects",
-  // "log", "sheet", "poses", "page", "settings".
+  // Adds the fields "steps", "measured_on", "start", "result", "over_sky", "held_out", "returned", "claimed",
+  // "outliers", "log", "sheet", "poses", "page", "settings".
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
@@ -91,7 +91,7 @@ class FitJob {
   vsplat_fit_result result_ = VSPLAT_FIT_RESULT_INIT;
   int longest_ = 0;  // pixels of a picture's longer side; 0: its own size
   bool stopped_ = false, sky_ = false;
-  std::vector<std::string> judged_, suspects_;
+  std::vector<std::string> measured_on_, outliers_;
   std::size_t measured_ = 0;  // how many pictures of the page were held out: all of them or none
   double psnr_cc_ = std::numeric_limits<double>::quiet_NaN();  // mean over those
 };

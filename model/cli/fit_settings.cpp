@@ -56,7 +56,7 @@ ordered_json settings_in(const std::vector<CLI::Option*>& options) {
   return out;
 }
 
-std::string AppliedSettings::told(const std::string& message) const {
+std::string AppliedSettings::with_source(const std::string& message) const {
   for (const std::string& name : names)
     if (message.starts_with("--" + name + " ")) return where + message.substr(2);
   return message;

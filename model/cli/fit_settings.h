@@ -31,14 +31,14 @@ struct AppliedSettings {
   std::vector<std::string> names;  // of the fields, which are those of the options
 
   // A message about such an option names the file's field in its place.
-  std::string told(const std::string& message) const;
-  // Calls `use`, with UsageErrors told so.
+  std::string with_source(const std::string& message) const;
+  // Calls `use`, and puts the source before its UsageErrors.
   template <class Use>
   void naming(const Use& use) const {
     try {
       use();
     } catch (const UsageError& e) {
-      throw UsageError(told(e.what()));
+      throw UsageError(with_source(e.what()));
     }
   }
 };

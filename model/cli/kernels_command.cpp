@@ -23,7 +23,7 @@ struct KernelsOptions {
 };
 
 // The library's list of programs for one flavour.
-Json told(const KernelsOptions& o, const std::string& flavour) {
+Json description(const KernelsOptions& o, const std::string& flavour) {
   Common common = o.common;
   common.kernels = flavour;
   Session session(common);
@@ -162,7 +162,7 @@ void kernels(const KernelsOptions& o) {
   outputs.input(o.model);
   std::vector<Json> all;
   for (const std::string flavour : {"gpu", "cpu"})
-    if (o.flavour == flavour || o.flavour == "all") all.push_back(told(o, flavour));
+    if (o.flavour == flavour || o.flavour == "all") all.push_back(description(o, flavour));
   if (!o.folder.empty()) write_folder(o, outputs, all);
   outputs.commit();
   if (o.common.json)

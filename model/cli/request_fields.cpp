@@ -57,14 +57,15 @@ Fields::Fields(const ordered_json& object, std::string where, fs::path folder)
 std::string Fields::text(const char* name, const std::optional<std::string>& otherwise) {
   const ordered_json* value = find(name, !otherwise.has_value());
   if (!value) return *otherwise;
-  if (!value->is_string() || value->get<std::string>().empty()) wrong(told(name), "a text that is not empty", *value);
+  if (!value->is_string() || value->get<std::string>().empty())
+    wrong(path_of(name), "a text that is not empty", *value);
   return value->get<std::string>();
 }
 
 std::string Fields::one_of_two(const char* name, const char* first, const char* second) {
   const ordered_json* value = find(name, false);
   if (!value) return first;
-  if (*value != first && *value != second) wrong(told(name), std::string(first) + " or " + second, *value);
+  if (*value != first && *value != second) wrong(path_of(name), std::string(first) + " or " + second, *value);
   return value->get<std::string>();
 }
 
@@ -75,10 +76,10 @@ std::string Fields::path(const char* name) {
 
 std::vector<std::string> Fields::paths(const char* name) {
   const ordered_json& list = *find(name, true);
-  if (!list.is_array() || list.empty()) wrong(told(name), "a list of folders", list);
+  if (!list.is_array() || list.empty()) wrong(path_of(name), "a list of folders", list);
   std::vector<std::string> out;
   for (const ordered_json& each : list) {
-    if (!each.is_string() || each.get<std::string>().empty()) wrong(told(name), "a list of folders", list);
+    if (!each.is_string() || each.get<std::string>().empty()) wrong(path_of(name), "a list of folders", list);
     out.push_back((folder_ / each.get<std::string>()).string());
   }
   return out;
@@ -88,7 +89,7 @@ double Fields::number(const char* name, double low, double high, double otherwis
   const ordered_json* value = find(name, false);
   if (!value) return otherwise;
   if (!value->is_number() || !(value->get<double>() >= low && value->get<double>() <= high))
-    wrong(told(name), "a number from " + ordered_json(low).dump() + " to " + ordered_json(high).dump(), *value);
+    wrong(path_of(name), "a number from " + ordered_json(low).dump() + " to " + ordered_json(high).dump(), *value);
   return value->get<double>();
 }
 
@@ -96,13 +97,13 @@ std::uint64_t Fields::count(const char* name, std::uint64_t low, std::uint64_t h
   const ordered_json* value = find(name, false);
   if (!value) return otherwise;
   if (!value->is_number_unsigned() || value->get<std::uint64_t>() < low || value->get<std::uint64_t>() > high)
-    wrong(told(name), "a whole number from " + std::to_string(low) + " to " + std::to_string(high), *value);
+    wrong(path_of(name), "a whole number from " + std::to_string(low) + " to " + std::to_string(high), *value);
   return value->get<std::uint64_t>();
 }
 
 const ordered_json* Fields::object(const char* name) {
   const ordered_json* value = find(name, false);
-  if (value && !value->is_object()) wrong(told(name), "an object", *value);
+  if (value && !value->is_object()) wrong(path_of(name), "an object", *value);
   return value;
 }
 
@@ -111,7 +112,7 @@ void Fields::end() const {
     if (!known_.contains(name)) {
       std::string all;
       for (const std::string& each : known_) all += (all.empty() ? "" : ", ") + each;
-      throw std::runtime_error(told(name) + ": no such field; there are " + all);
+      throw std::runtime_error(path_of(name) + ": no such field; there are " + all);
     }
 }
 
@@ -119,11 +120,13 @@ const ordered_json* Fields::find(const char* name, bool needed) {
   known_.insert(name);
   const auto found = object_.find(name);
   if (found != object_.end()) return &*found;
-  if (needed) throw std::runtime_error(told(name) + " is missing");
+  if (needed) throw std::runtime_error(path_of(name) + " is missing");
   return nullptr;
 }
 
-std::string Fields::told(const std::string& name) const { return where_ + (where_.ends_with(": ") ? "" : ".") + name; }
+std::string Fields::path_of(const std::string& name) const {
+  return where_ + (where_.ends_with(": ") ? "" : ".") + name;
+}
 
 void Fields::wrong(const std::string& where, const std::string& expected, const ordered_json& found) {
   const std::string what = where.ends_with(": ") ? where.substr(0, where.size() - 2) : where;

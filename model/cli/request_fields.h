@@ -35,7 +35,7 @@ class Fields {
   const nlohmann::ordered_json* any(const char* name) { return find(name, false); }
   template <class Each>
   void objects(const char* name, bool needed, const Each& each) {
-    if (const nlohmann::ordered_json* list = find(name, needed)) objects_of(*list, told(name), folder_, each);
+    if (const nlohmann::ordered_json* list = find(name, needed)) objects_of(*list, path_of(name), folder_, each);
   }
   // The same for a file that is a list.
   template <class Each>
@@ -49,7 +49,7 @@ class Fields {
     }
   }
   // The field as errors name it.
-  std::string told(const std::string& name) const;
+  std::string path_of(const std::string& name) const;
   // Fails if any other field is present.
   void end() const;
   [[noreturn]] static void wrong(const std::string& where, const std::string& expected,

@@ -38,8 +38,8 @@ std::string reason_of(const Json& one) {
   return why.empty() ? "it does not run" : why;
 }
 
-void print_tuned(const Json& told) {
-  for (const Json& one : told["chosen"]) {
+void print_tuned(const Json& result) {
+  for (const Json& one : result["chosen"]) {
     const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
     std::printf("%-20s %-40s %-32s ", op.c_str(), shape.c_str(), set.c_str());
     if (one["times_as_fast"].is_number())
@@ -47,16 +47,16 @@ void print_tuned(const Json& told) {
     else
       std::printf("as before, not timed again\n");
   }
-  for (const Json& one : told["refused"]) {
+  for (const Json& one : result["refused"]) {
     const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
     std::printf("%-20s %-40s %-32s refused, %s\n", op.c_str(), shape.c_str(), set.c_str(),
                 for_terminal(reason_of(one)).c_str());
   }
-  const std::string table = told["table"];
+  const std::string table = result["table"];
   if (table.empty())
     std::printf("the defaults are the best that was tried\n");
   else
-    std::printf("table %s: %s\n", table.substr(0, 12).c_str(), for_terminal(told["path"]).c_str());
+    std::printf("table %s: %s\n", table.substr(0, 12).c_str(), for_terminal(result["path"]).c_str());
 }
 
 std::string text_of_search(const Session& session, const vsplat::Model& model, const vsplat_tune_options& options) try {
@@ -81,21 +81,21 @@ void tune(const TuneOptions& o) {
   options.progress = Session::on_progress;
   options.user = &session;
   session.start("tune");
-  const Json told = Json::parse(text_of_search(session, model, options));
+  const Json result = Json::parse(text_of_search(session, model, options));
   clear_progress();
-  const auto tried = told["tried"].get<long>(), left = told["left"].get<long>();
-  say(o.common, std::to_string(tried) + " sets tried in " + seconds_text(told["seconds"]) +
+  const auto tried = result["tried"].get<long>(), left = result["left"].get<long>();
+  say(o.common, std::to_string(tried) + " sets tried in " + seconds_text(result["seconds"]) +
                     (left > 0 ? "; " + std::to_string(left) +
                                     " more are left for another run, since time or memory did not suffice"
                               : ""));
   if (o.common.json)
-    print_json(told);
+    print_json(result);
   else
-    print_tuned(told);
-  if (!told["not_right"].empty())
-    throw std::runtime_error(std::to_string(told["not_right"].size()) +
+    print_tuned(result);
+  if (!result["not_right"].empty())
+    throw std::runtime_error(std::to_string(result["not_right"].size()) +
                              " operations have no set of parameters that is right on this device, the first: " +
-                             told["not_right"][0].get<std::string>());
+                             result["not_right"][0].get<std::string>());
 }
 
 }  // namespace

@@ -143,11 +143,11 @@ void import(const WeightsOptions& o) {
   options.config_file = o.config.empty() ? nullptr : o.config.c_str();
   options.fields = fields.data();
   options.num_fields = fields.size();
-  std::string told;
-  const vsplat::Model model = vsplat::Model::imported(o.checkpoint, options, &told);
+  std::string report;
+  const vsplat::Model model = vsplat::Model::imported(o.checkpoint, options, &report);
   model.save(outputs.begin(o.output));
   outputs.commit();
-  nlohmann::ordered_json all = nlohmann::ordered_json::parse(told);
+  nlohmann::ordered_json all = nlohmann::ordered_json::parse(report);
   for (const auto& name : all["left_out"]) say(o.common, "left out: " + name.get<std::string>());
   if (all["encoder_alone"].get<bool>())
     say(o.common,

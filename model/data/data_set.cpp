@@ -137,7 +137,7 @@ bool is_about_data(const Error& error) {
   return error.status() == Status::file || error.status() == Status::format || error.status() == Status::input;
 }
 
-std::string told(const DataObject& object) {
+std::string label_of(const DataObject& object) {
   return object.layout == DataLayout::hdf5 ? fmt::format("object {} of {}", object.name, object.path.string())
                                            : "object " + object.name;
 }
@@ -160,7 +160,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
   const Bad bad = [&](int view, const std::string& name, const Error& e) {
     const std::string text = fmt::format("view {} ({}): {}", view, printable(name), e.what());
     if (!skipped || !is_about_data(e)) throw Error(e.status(), text);
-    skipped->push_back(fmt::format("{}: {}", told(object), text));
+    skipped->push_back(fmt::format("{}: {}", label_of(object), text));
     if (first.empty()) first = text;
   };
   try {
@@ -173,7 +173,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
     }
     return out;
   } catch (const Error& e) {
-    fail(e.status(), "{}: {}", told(object), e.what());
+    fail(e.status(), "{}: {}", label_of(object), e.what());
   }
 }
 

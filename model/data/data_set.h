@@ -25,7 +25,7 @@ struct DataObject {
 
 // The object's name in errors: "object cup". For a group it includes the file, because group names repeat between
 // files.
-std::string told(const DataObject& object);
+std::string label_of(const DataObject& object);
 
 struct DataSet {
   std::vector<DataObject> objects;  // in the order of the given paths, sorted by name within each; names are unique

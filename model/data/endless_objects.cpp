@@ -29,7 +29,7 @@ FramedObject endless_object(std::uint64_t seed, std::uint32_t index, int views, 
   const auto drawn = std::make_shared<const Drawn>(fitted(random_object(seed, index, textures)));
   FramedObject out;
   out.name = fmt::format("procedural {}", index);
-  out.told = "object " + out.name;
+  out.label = "object " + out.name;
   ViewSet& set = out.photographs.set;
   for (const Camera& camera : sphere_cameras(views, size, radius_of(drawn->mesh), seed, index)) {
     ListedView view;

@@ -22,7 +22,8 @@ std::uint8_t byte_of(float value) {
 }  // namespace
 
 FramedObject frame_object(const DataObject& object, const FrameRequest& request, std::vector<std::string>* skipped) {
-  FramedObject out{object.name, open_object(object, skipped, request.missing, request.to_train_on), {}, told(object)};
+  FramedObject out{
+      object.name, open_object(object, skipped, request.missing, request.to_train_on), {}, label_of(object)};
   try {
     std::vector<int> all(static_cast<std::size_t>(out.views()));
     std::iota(all.begin(), all.end(), 0);
@@ -35,7 +36,7 @@ FramedObject frame_object(const DataObject& object, const FrameRequest& request,
     for (const ListedView& view : out.photographs.set.views) cameras.push_back(view.camera);
     check_centre_is_seen(cameras, out.photographs.set.convention, place);
   } catch (const Error& e) {
-    fail(e.status(), "{}: {}", out.told, e.what());
+    fail(e.status(), "{}: {}", out.label, e.what());
   }
   return out;
 }
@@ -51,12 +52,12 @@ void warn_of_inverted_masks(const FramedObject& object, int count) {
       if (!is_about_data(e)) throw;
     }
   }
-  warn_of_inverted_masks(object.told, masks);
+  warn_of_inverted_masks(object.label, masks);
 }
 
 StoredView store_view(const FramedObject& object, int view, const FrameRequest& request) {
   const auto complain = [&](Status status, const std::string& what) {
-    fail(status, "{}: view {} ({}): {}", object.told, view,
+    fail(status, "{}: view {} ({}): {}", object.label, view,
          printable(object.photographs.set.views.at(static_cast<std::size_t>(view)).name), what);
   };
   FramedView framed;

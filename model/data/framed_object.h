@@ -20,7 +20,7 @@ struct FramedObject {
   std::string name;
   Photographs photographs;  // as returned by open_object()
   Placement placement;
-  std::string told = {};  // the object's name in errors
+  std::string label = {};  // the object's name in errors
 
   int views() const { return static_cast<int>(photographs.set.views.size()); }
 };

@@ -35,7 +35,7 @@ void filter(const RTCFilterFunctionNArguments* args) {
       args->valid[i] = 0;
 }
 
-int told(RTCError code, int* error) {
+int code_of(RTCError code, int* error) {
   *error = static_cast<int>(code);
   return code == RTC_ERROR_NONE ? 0 : code == RTC_ERROR_OUT_OF_MEMORY ? 1 : 2;
 }
@@ -44,7 +44,7 @@ int open(const RayTriangles* triangles, void** out, int* error) {
   auto made = std::make_unique<Scene>();
   made->triangles = *triangles;
   made->device = rtcNewDevice("threads=1");  // for building; any thread may trace
-  if (!made->device) return std::max(1, told(rtcGetDeviceError(nullptr), error));
+  if (!made->device) return std::max(1, code_of(rtcGetDeviceError(nullptr), error));
   made->scene = rtcNewScene(made->device);
   rtcSetSceneFlags(made->scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips through an edge
   const RTCGeometry geometry = rtcNewGeometry(made->device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -67,10 +67,10 @@ int open(const RayTriangles* triangles, void** out, int* error) {
   }
   rtcAttachGeometry(made->scene, geometry);
   rtcReleaseGeometry(geometry);
-  int code = told(rtcGetDeviceError(made->device), error);
+  int code = code_of(rtcGetDeviceError(made->device), error);
   if (code == 0) {
     rtcCommitScene(made->scene);
-    code = told(rtcGetDeviceError(made->device), error);
+    code = code_of(rtcGetDeviceError(made->device), error);
   }
   if (code == 0) *out = made.release();
   return code;

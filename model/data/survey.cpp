@@ -41,7 +41,7 @@ ObjectSurvey survey(const DataObject& object, int pictures) {
   std::vector<Camera> cameras;
   cameras.reserve(static_cast<std::size_t>(out.views));
   for (const ListedView& view : framed.photographs.set.views) cameras.push_back(view.camera);
-  warn_of_unlikely_cameras(framed.told, cameras);
+  warn_of_unlikely_cameras(framed.label, cameras);
   out.placement = framed.placement;
   for (int i = 0; i < out.views; ++i) {
     const Camera& c = framed.photographs.set.views[i].camera;

@@ -206,7 +206,7 @@ TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
   try {
     check_cube_is_in_front(listed.cameras, placement);
   } catch (const Error& e) {
-    fail(e.status(), "{}: {}", from.object.told, e.what());
+    fail(e.status(), "{}: {}", from.object.label, e.what());
   }
   placement.edge *= random.uniform(options.min_cube, options.max_cube);
   out.cameras = place_views(cameras, placement, options.rebase).cameras;
@@ -255,7 +255,7 @@ TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index,
   for (;;) {
     const DrawnViews drawn = draw_views(from.positions, excluded, inputs, options.novel, random);
     if (drawn.inputs.empty())
-      fail(Status::input, "{}: {} of its {} views can be used, {} input views are asked for", from.object.told,
+      fail(Status::input, "{}: {} of its {} views can be used, {} input views are asked for", from.object.label,
            std::count(excluded.begin(), excluded.end(), false), excluded.size(), inputs);
     std::vector<int> chosen = drawn.inputs;
     chosen.insert(chosen.end(), drawn.novel.begin(), drawn.novel.end());

@@ -9,7 +9,7 @@
 #include "runtime/system/driver_entries.h"
 #include "runtime/system/driver_look.h"
 #include "runtime/system/environment_check.h"
-#include "runtime/tuning/kept_verdicts.h"
+#include "runtime/tuning/stored_verdicts.h"
 
 namespace vsplat {
 
@@ -49,7 +49,7 @@ struct Looked {
   std::vector<InstalledDriver> installed;
   GpuFiles files;
   std::vector<Cache> caches;
-  std::vector<KeptVerdict> verdicts;
+  std::vector<StoredVerdict> verdicts;
   std::vector<VariableProblem> variables;
   double seconds = 0;  // time limit of each driver
 };

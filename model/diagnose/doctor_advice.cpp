@@ -368,7 +368,7 @@ void look_at_whole(const Looked& looked, Findings& out) {
 // A device may load without error and still compute wrong results.
 void look_at_verdicts(const Looked& looked, Findings& out) {
   for (const LookedDevice& device : looked.devices)
-    for (const KeptVerdict& kept : looked.verdicts) {
+    for (const StoredVerdict& kept : looked.verdicts) {
       const Verdict& verdict = kept.verdict;
       const std::string name = device.seen.name;
       if (verdict.fitness == Fitness::ok || printable(kept.device) != name ||

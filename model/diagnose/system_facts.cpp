@@ -24,7 +24,7 @@ constexpr std::size_t most_bytes = 1 << 18, most_files = 100;
 constexpr std::size_t most_peaks = 1 << 12;  // limit of a measurement's bytes, which is stored like compiled kernels
 
 // Matched by full name: a similarly named variable may hold a key or a password, for instance NVIDIA_API_KEY.
-constexpr const char* told_variables[] = {
+constexpr const char* listed_variables[] = {
     "CLOVER_DEVICE_TYPE",
     "CUDA_CACHE_DISABLE",
     "CUDA_CACHE_MAXSIZE",
@@ -120,7 +120,7 @@ bool is_entry(const fs::path& file) {
 }
 
 // The files that this library itself wrote there and that are not code; the folder may hold other files.
-std::vector<fs::path> kept_files(const fs::path& folder) {
+std::vector<fs::path> stored_files(const fs::path& folder) {
   std::vector<fs::path> out;
   std::error_code error;
   const auto add = [&](const fs::path& in, const auto& wanted) {
@@ -170,16 +170,16 @@ Json system_facts() {
 
 Json environment_facts() {
   Json out = Json::object();
-  for (const char* name : told_variables)
+  for (const char* name : listed_variables)
     if (const char* value = std::getenv(name)) out[name] = value;
   return out;
 }
 
-Json kept_facts() {
+Json stored_facts() {
   Json out = Json::array();
   const fs::path folder = own_cache().path;
   if (folder.empty()) return out;
-  for (const fs::path& file : kept_files(folder)) {
+  for (const fs::path& file : stored_files(folder)) {
     std::error_code error;
     Json one = {{"file", file.lexically_relative(folder).string()}};
     std::string text = fs::file_size(file, error) <= most_bytes ? bytes_of(file) : "";

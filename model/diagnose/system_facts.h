@@ -11,6 +11,6 @@ nlohmann::ordered_json system_facts();
 nlohmann::ordered_json environment_facts();
 // The JSON files that this library has put into the cache folder: verdicts/, tuning/, measured peaks; no compiled
 // kernels and no other files. A list of {"file", "content"}; for a large or damaged file {"file", "bytes"}.
-nlohmann::ordered_json kept_facts();
+nlohmann::ordered_json stored_facts();
 
 }  // namespace vsplat

@@ -108,7 +108,7 @@ std::vector<std::size_t> items_of(const DataSet& data, int count, int rank) {
 
 // Runs on the other ranks; returns whether all their items are done.
 template <class F>
-bool told_to_rank_0(Ranks& ranks, const F& evaluate_own, const Evaluated& evaluated,
+bool sent_to_rank_0(Ranks& ranks, const F& evaluate_own, const Evaluated& evaluated,
                     const std::vector<std::size_t>& own) {
   MessageOut out;
   bool whole = false;
@@ -187,7 +187,7 @@ Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data,
   if (alone)
     evaluate_own();
   else if (rank > 0)
-    return evaluated.own_result(told_to_rank_0(*options.ranks, evaluate_own, evaluated, own));
+    return evaluated.own_result(sent_to_rank_0(*options.ranks, evaluate_own, evaluated, own));
   else
     gather(*options.ranks, evaluate_own, evaluated, data);
   return evaluated.result(

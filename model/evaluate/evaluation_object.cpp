@@ -67,18 +67,18 @@ Image shown(const StoredView& view) {
 // Decodes the views. Returns the first that cannot be decoded; none if `out` is complete.
 std::optional<int> decode(const FramedObject& object, const Chosen& chosen, const FrameRequest& request,
                           std::vector<std::string>* skipped, EvaluationObject& out) {
-  FrameRequest judged = request;
-  judged.image = out.judged;
+  FrameRequest compared = request;
+  compared.image = out.compared;
   for (const std::vector<int>* views : {&chosen.inputs, &chosen.novel})
     for (const int view : *views) try {
         const bool is_input = views == &chosen.inputs;
         // Made from the original photograph: another size is resampled from there, by area.
-        const StoredView stored = store_view(object, view, is_input ? request : judged);
+        const StoredView stored = store_view(object, view, is_input ? request : compared);
         out.pictures.push_back(on_white(stored));
         out.cameras.push_back(stored.camera);
         if (!is_input) out.shown.push_back(shown(stored));
-        if (is_input && judged.image != request.image)
-          out.inputs_judged.push_back(on_white(store_view(object, view, judged)));
+        if (is_input && compared.image != request.image)
+          out.inputs_compared.push_back(on_white(store_view(object, view, compared)));
       } catch (const Error& e) {
         if (!skipped || !is_about_data(e)) throw;
         skipped->emplace_back(e.what());
@@ -91,8 +91,8 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
 
 EvaluationObject evaluation_object(const DataObject& object, const TakenViews& taken, const EvaluationRequest& request,
                                    std::vector<std::string>* skipped, std::vector<std::string>* missing) {
-  std::vector<std::string> untold;
-  const FrameRequest frame{taken.image, request.crop, request.placement, missing ? missing : &untold};
+  std::vector<std::string> ignored;
+  const FrameRequest frame{taken.image, request.crop, request.placement, missing ? missing : &ignored};
   const FramedObject framed = frame_object(object, frame, skipped);
   warn_of_inverted_masks(framed, 4);
   std::vector<int> good(static_cast<std::size_t>(framed.views()));
@@ -100,12 +100,12 @@ EvaluationObject evaluation_object(const DataObject& object, const TakenViews& t
   EvaluationObject out;
   const int inputs = request.inputs > 0 ? request.inputs : taken.trained;
   while (true) {
-    if (good.empty()) fail(Status::input, "{}: no view of it is left", told(object));
+    if (good.empty()) fail(Status::input, "{}: no view of it is left", label_of(object));
     const Chosen chosen = choose(framed, good, inputs, request);
     out = {};
     out.name = object.name;
     out.inputs = chosen.inputs.size();
-    out.judged = request.judged > 0 ? request.judged : taken.image;
+    out.compared = request.compared > 0 ? request.compared : taken.image;
     out.nearest = chosen.nearest;
     out.input_views = chosen.inputs;
     const std::optional<int> bad = decode(framed, chosen, frame, skipped, out);
@@ -118,7 +118,7 @@ EvaluationObject evaluation_object(const DataObject& object, const TakenViews& t
   try {
     check_cube_is_in_front(std::span(out.cameras).first(out.inputs), framed.placement);
   } catch (const Error& e) {
-    fail(e.status(), "{}: {}", told(object), e.what());
+    fail(e.status(), "{}: {}", label_of(object), e.what());
   }
   out.framed = framed;
   return out;

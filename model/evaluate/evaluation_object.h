@@ -14,7 +14,7 @@ namespace vsplat {
 struct EvaluationRequest {
   Protocol protocol = Protocol::kmeans;
   std::uint64_t seed = 0;  // for random10
-  int judged = 0;          // edge of the compared pictures in pixels; 0: the configuration's, like the inputs
+  int compared = 0;        // edge of the compared pictures in pixels; 0: the configuration's, like the inputs
   int inputs = 0;          // number of input views; 0: TakenViews::trained
   Crop crop = Crop::automatic;
   PlacementRequest placement;
@@ -23,20 +23,22 @@ struct EvaluationRequest {
 struct EvaluationObject {
   std::string name;
   std::size_t inputs = 0;       // the first views are inputs, the others novel
-  int judged = 0;               // edge of the novel views' pictures and cameras
+  int compared = 0;             // edge of the novel views' pictures and cameras
   std::vector<Image> pictures;  // on white: inputs at the configuration's size, novel views at the compared one
   // For each novel view [S][S][1], the share of each pixel that its photograph shows. Empty if it shows all, or if a
   // mask or alpha channel marks the rest as background.
   std::vector<Image> shown;
-  std::vector<Image> inputs_judged;  // the inputs again, at the compared size; empty if the sizes are equal
-  std::vector<Camera> cameras;       // in the object's frame, each at its picture's size
-  std::vector<std::size_t> nearest;  // for each novel view the index of the input view nearest by angle
-  FramedObject framed;               // its source
-  std::vector<int> input_views;      // indices of the inputs among its photographs
-  Similarity to_world;               // from the object's frame
+  std::vector<Image> inputs_compared;  // the inputs again, at the compared size; empty if the sizes are equal
+  std::vector<Camera> cameras;         // in the object's frame, each at its picture's size
+  std::vector<std::size_t> nearest;    // for each novel view the index of the input view nearest by angle
+  FramedObject framed;                 // its source
+  std::vector<int> input_views;        // indices of the inputs among its photographs
+  Similarity to_world;                 // from the object's frame
 
   std::size_t novel() const { return pictures.size() - inputs; }
-  const Image& input_judged(std::size_t i) const { return inputs_judged.empty() ? pictures[i] : inputs_judged[i]; }
+  const Image& input_compared(std::size_t i) const {
+    return inputs_compared.empty() ? pictures[i] : inputs_compared[i];
+  }
 };
 
 // Uses the requested number of inputs, or fewer if the cameras have fewer distinct positions. Error(file, format or

@@ -50,8 +50,8 @@ std::shared_ptr<const FitPicture> FitPictures::load(int view) const {
 }
 
 std::shared_ptr<const FitPicture> FitPictures::at(int view) {
-  const auto there = kept_.find(view);
-  if (there != kept_.end()) {
+  const auto there = cached_.find(view);
+  if (there != cached_.end()) {
     ages_.splice(ages_.begin(), ages_, there->second.age);
     return there->second.picture;
   }
@@ -60,7 +60,7 @@ std::shared_ptr<const FitPicture> FitPictures::at(int view) {
   bytes_ += bytes_of(*picture);
   while (bytes_ > cap_ && !ages_.empty()) forget(ages_.back());
   ages_.push_front(view);
-  kept_.emplace(view, Kept{picture, ages_.begin()});
+  cached_.emplace(view, Cached{picture, ages_.begin()});
   cameras_[view] = picture->camera;
   return picture;
 }
@@ -76,18 +76,18 @@ Camera FitPictures::camera(int view) {
 }
 
 void FitPictures::read_ahead(int view) {
-  if (photographs_.picture || (ahead_.valid() && ahead_view_ == view) || kept_.count(view) > 0) return;
+  if (photographs_.picture || (ahead_.valid() && ahead_view_ == view) || cached_.count(view) > 0) return;
   ahead_ = {};  // waits for what was not asked for
   ahead_view_ = view;
   ahead_ = std::async(std::launch::async, [this, view] { return load(view); });
 }
 
 void FitPictures::forget(int view) {
-  const auto there = kept_.find(view);
-  if (there == kept_.end()) return;
+  const auto there = cached_.find(view);
+  if (there == cached_.end()) return;
   bytes_ -= bytes_of(*there->second.picture);
   ages_.erase(there->second.age);
-  kept_.erase(there);
+  cached_.erase(there);
 }
 
 std::vector<Camera> FitPictures::cameras(const std::vector<int>& views) const {

@@ -42,7 +42,7 @@ class FitPictures {
   Camera largest(const std::vector<int>& views) const;
 
  private:
-  struct Kept {
+  struct Cached {
     std::shared_ptr<const FitPicture> picture;
     std::list<int>::iterator age;
   };
@@ -53,7 +53,7 @@ class FitPictures {
   int longest_;
   std::size_t cap_, bytes_ = 0;
   bool metric_depths_;
-  std::map<int, Kept> kept_;
+  std::map<int, Cached> cached_;
   std::list<int> ages_;            // the most recently used first
   std::map<int, Camera> cameras_;  // of all pictures that at() has returned
   int ahead_view_ = -1;

@@ -70,9 +70,9 @@ long affordable_gaussians(const Context& ctx, const Gaussians& start, float near
   return low;
 }
 
-FitRoom spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
-                   const Camera& camera) {
-  FitRoom out;
+FitBudget fit_budget(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                     const Camera& camera) {
+  FitBudget out;
   const ArenaLimits& limits = ctx.memory().limits();
   const long most = std::max(options.max_gaussians, static_cast<long>(start.count));
   try {

@@ -26,7 +26,7 @@ long affordable_gaussians(const Context& ctx, const Gaussians& start, float near
 // the one being read.
 double fit_host_bytes(long gaussians, int degree, const Camera& camera);
 
-struct FitRoom {
+struct FitBudget {
   FitMemory fit;
   double host = 0;  // fit_host_bytes()
   // Bytes for pictures beside the fit. They leave half of the device's free memory, or if the device uses the host's, a
@@ -36,7 +36,7 @@ struct FitRoom {
 };
 
 // Error(memory) with both figures if the fit needs more device memory than may be used.
-FitRoom spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
-                   const Camera& camera);
+FitBudget fit_budget(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                     const Camera& camera);
 
 }  // namespace vsplat

@@ -12,9 +12,9 @@ constexpr double kObjectShare = 0.5;
 // lower: else colours are fitted to the latest pictures, and to what only one shows. Objects lose 0.2 dB by it.
 constexpr double kVisitsToFall = 20, kVisitsToLower = 125;
 constexpr double kLeastFall = 0.1;
-constexpr double kMergedPerPixel = 0.75;          // half of what an object may grow to
-constexpr double kPixelsOfGaussian = 3;           // a Gaussian takes as long in a step as so many pixels
-constexpr long kLeastJudged = 100, kJudged = 20;  // measured so often, but not after fewer steps
+constexpr double kMergedPerPixel = 0.75;                 // half of what an object may grow to
+constexpr double kPixelsOfGaussian = 3;                  // a Gaussian takes as long in a step as so many pixels
+constexpr long kLeastBetween = 100, kMeasurements = 20;  // measured so often, but not after fewer steps
 
 long steps_of(FitQuality quality) {
   return quality == FitQuality::high ? 30000 : quality == FitQuality::normal ? 7000 : 2000;
@@ -25,7 +25,7 @@ long steps_of(FitQuality quality) {
 FitRecipe for_few() {
   FitRecipe out;
   out.steps = 200;
-  out.judge_every = 25;
+  out.measure_every = 25;
   out.options.grow_every = 0;
   out.options.drop = 0.1f;
   return out;
@@ -118,7 +118,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
     o.sh_fall = std::clamp(kVisitsToFall / visits, kLeastFall, 1.0);
     o.rates.sh_rest *= std::sqrt(std::min(1.0, kVisitsToLower / visits));
   }
-  if (many) out.judge_every = std::max(kLeastJudged, out.steps / kJudged);
+  if (many) out.measure_every = std::max(kLeastBetween, out.steps / kMeasurements);
   if (many) o.steps = out.steps;
   o.grow_until = out.steps * 3 / 4;
   grow_to(out, std::max(request.max_gaussians > 0 ? request.max_gaussians : o.max_gaussians, count), count);

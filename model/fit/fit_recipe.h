@@ -7,7 +7,7 @@ namespace vsplat {
 struct FitRecipe {
   FitOptions options;
   long steps = 0;          // unless the request sets them
-  long judge_every = 0;    // steps between measurements on the held-out views
+  long measure_every = 0;  // steps between measurements on the held-out views
   int least_degree = 0;    // lowest degree of the spherical harmonics
   double consolidate = 1;  // share of the Gaussians that stays for the last quarter of the steps
 };

@@ -321,9 +321,9 @@ Tensor Fitter::measure(const DeviceFitPicture& picture) {
   return compare(ctx_, drawn, background, picture);
 }
 
-FitScore Fitter::judge(const DeviceFitPicture& picture) { return score_of(ctx_, measure(picture), picture); }
+FitScore Fitter::score(const DeviceFitPicture& picture) { return score_of(ctx_, measure(picture), picture); }
 
-FitScore Fitter::judge(const Gaussians& scene, const DeviceFitPicture& picture) {
+FitScore Fitter::score(const Gaussians& scene, const DeviceFitPicture& picture) {
   const std::array<float, 3> background = measured_over(options_.background);
   const double pixels = static_cast<double>(picture.camera.width) * picture.camera.height;
   const DevicePicture drawn = render(ctx_, place_on_device(ctx_, scene, pixels), picture.camera, drawing(background));

@@ -96,9 +96,9 @@ class Fitter {
 
   // Compares a rendering with a picture, on the device: f32 [3], as PictureLoss::out.
   Tensor measure(const DeviceFitPicture& picture);
-  FitScore judge(const DeviceFitPicture& picture);
+  FitScore score(const DeviceFitPicture& picture);
   // The same for a scene that gaussians() returned: a sky is then measured as the Gaussians that it became.
-  FitScore judge(const Gaussians& scene, const DeviceFitPicture& picture);
+  FitScore score(const Gaussians& scene, const DeviceFitPicture& picture);
   // Adds to `sums`, f32 [count], each Gaussian's blending weights over the picture's pixels.
   void add_weights(const DeviceFitPicture& picture, const Tensor& sums);
   // Continues with these Gaussians, at most as many as there are now, with moments of zero and without growth.

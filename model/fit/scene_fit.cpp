@@ -12,8 +12,8 @@
 #include "model/fit/beside_cube.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/merged_gaussians.h"
+#include "model/fit/outliers.h"
 #include "model/fit/scene_fit_impl.h"
-#include "model/fit/suspects.h"
 #include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -29,7 +29,7 @@ constexpr std::size_t kCacheOfHost = 4;  // share of the host's memory for pictu
 constexpr std::size_t kEvery = 8;        // with many views, one in so many is held out
 constexpr int kHoldsOut = 5;             // views of a whole scene from which on one is held out
 constexpr std::size_t kLookedAt = 8;     // pictures sampled to represent all
-constexpr long kUnjudgedSteps = 100;     // limit for few views of which none is held out
+constexpr long kUnmeasuredSteps = 100;   // limit for few views of which none is held out
 constexpr int kFalls = 2;                // a fold ends when its PSNR has fallen so often in a row
 constexpr double kLastPhase = 1.25;      // time reserved for the phase after the folds, in folds
 
@@ -52,7 +52,7 @@ std::vector<int> without(const std::vector<int>& all, const std::vector<int>& so
   return out;
 }
 
-std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, const FitRequest& request) {
+std::vector<int> held_out_views(const ViewSet& set, const std::vector<int>& used, const FitRequest& request) {
   using Kind = FitHoldout::Kind;
   const FitHoldout& holdout = request.holdout;
   const int n = static_cast<int>(used.size());
@@ -78,13 +78,13 @@ std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, cons
   return spread(used, holdout.count);
 }
 
-bool is_worse(const std::pair<const long, Judged>& a, const std::pair<const long, Judged>& b) {
+bool is_worse(const std::pair<const long, Measured>& a, const std::pair<const long, Measured>& b) {
   return mean(a.second).psnr < mean(b.second).psnr;
 }
 
 }  // namespace
 
-FitScore mean(const Judged& j) {
+FitScore mean(const Measured& j) {
   if (j.pictures == 0) return {std::nan(""), std::nan("")};
   return {j.psnr / j.pictures, j.ssim / j.pictures};
 }
@@ -108,15 +108,15 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (request.consolidate > 0 && request.consolidate < 1 && used.size() < kManyViews && !request.whole)
     fail(Status::usage, "a consolidation needs {} views or more, {} are used", kManyViews, used.size());
   check_masks();
-  const std::vector<int> held = held_out(p.set, used, request);
+  const std::vector<int> held = held_out_views(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
   const bool folds = request.holdout.kind == FitHoldout::Kind::automatic && held.empty() && !request.whole;
   if (folds && used.size() > 1)
     for (std::size_t i = 0; i < used.size(); ++i)
-      legs.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
-  legs.push_back({"fitting", fitted, held});
-  judged = folds && used.size() > 1 ? used : held;
+      phases.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
+  phases.push_back({"fitting", fitted, held});
+  held_out = folds && used.size() > 1 ? used : held;
   // A single view cannot be left out, so the effect of further steps is unknown.
   unknown = folds && used.size() == 1;
   std::optional<FitCheckpoint> from;
@@ -132,7 +132,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (from)
     go_on(*from);
   else
-    begin_leg();
+    begin_phase();
   seconds += seconds_since(begun);
 }
 
@@ -155,8 +155,8 @@ double SceneFit::Impl::object_pixels(const std::vector<int>& views) {
   return sum / static_cast<double>(some.size());
 }
 
-void SceneFit::Impl::begin_leg() {
-  const Leg& now = legs[leg];
+void SceneFit::Impl::begin_phase() {
+  const Phase& now = phases[phase];
   Scene scene = !in_folds() && first ? *first : given.make(now.views);
   if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to fit");
   if (scene.gaussians.kind != GaussianKind::volume)
@@ -170,23 +170,24 @@ void SceneFit::Impl::begin_leg() {
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();
   degree = request.degree.value_or(std::max(scene.gaussians.drawn_degree(), recipe.least_degree));
-  if (scene.gaussians.sh_degree > kDrawnDegree && leg == 0)
+  if (scene.gaussians.sh_degree > kDrawnDegree && phase == 0)
     warn("the start's spherical harmonics have degree {}: the fit has those of up to degree {}",
          scene.gaussians.sh_degree, degree);
   set_degree(scene.gaussians, degree);
   const Gaussians start = std::move(scene.gaussians);
-  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews && !request.whole)
-    recipe.steps = std::min(recipe.steps, kUnjudgedSteps);
-  leg_steps = recipe.steps;
+  if (phases.size() == 1 && now.held_out.empty() && request.steps == 0 && used.size() < kManyViews && !request.whole)
+    recipe.steps = std::min(recipe.steps, kUnmeasuredSteps);
+  phase_steps = recipe.steps;
   if (in_folds() && request.steps > 0)
-    recipe.judge_every = request.steps;  // measure only after the requested number of steps
-  if (unknown) leg_steps = 0;
-  if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // later steps are not compared
-  if (legs.size() > 1 && !in_folds()) {  // as many steps as were best in the folds
+    recipe.measure_every = request.steps;  // measure only after the requested number of steps
+  if (unknown) phase_steps = 0;
+  if (in_folds() && phase > 0)
+    phase_steps = std::min(phase_steps, measured_by_all(phase));  // later steps are not compared
+  if (phases.size() > 1 && !in_folds()) {                         // as many steps as were best in the folds
     const auto rounds = curve.empty() ? 0 : static_cast<std::size_t>(curve.begin()->second.pictures);
-    judged.assign(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(rounds));
+    held_out.assign(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(rounds));
     std::erase_if(curve, [most = measured_by_all(rounds)](const auto& at) { return at.first > most; });
-    leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
+    phase_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
   last_psnr = std::nan("");
   falls = 0;
@@ -199,19 +200,19 @@ void SceneFit::Impl::begin_leg() {
   ctx.memory().trim();  // plans begin with what is left
   const Camera largest = pictures.largest(used);
   limit_growth(start, scene.near, largest);
-  room = spare_room(ctx, start, scene.near, recipe.options, largest);
-  pictures.limit(room.on_host);
+  budget = fit_budget(ctx, start, scene.near, recipe.options, largest);
+  pictures.limit(budget.on_host);
   hold_host_memory();
-  if (!resuming) pairs = static_cast<long>(room.pairs);
+  if (!resuming) pairs = static_cast<long>(budget.pairs);
   recipe.options.most_pairs = static_cast<std::uint64_t>(pairs);
   largest_pixels = static_cast<double>(largest.width) * largest.height;
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
   if (recipe.options.antialias) fitter->set_cameras(pictures.cameras(now.views));
-  leg_began = seconds;  // not before: what is above may throw, and is then begun again
+  phase_began = seconds;  // not before: what is above may throw, and is then begun again
   if (resuming) return;
   const Uncancelled whole(ctx);
-  judge();
-  if (leg_steps == 0) end_leg();
+  record_measurement();
+  if (phase_steps == 0) end_phase();
 }
 
 // Unless a number of Gaussians was asked for, it grows no further than memory allows; when resumed, as it would have.
@@ -233,7 +234,7 @@ void SceneFit::Impl::limit_growth(const Gaussians& start, float near, const Came
 // No drawing takes the memory of scenes and pictures, nor that for reading one.
 void SceneFit::Impl::hold_host_memory() {
   const double left = static_cast<double>(host_memory_limit()) - static_cast<double>(reserved_host_memory());
-  held = HostMemory("a fit", std::clamp(room.host + static_cast<double>(room.on_host), 0.0, std::max(left, 0.0)));
+  held = HostMemory("a fit", std::clamp(budget.host + static_cast<double>(budget.on_host), 0.0, std::max(left, 0.0)));
 }
 
 // The largest number of steps that all of the first `rounds` folds have measured.
@@ -244,18 +245,18 @@ long SceneFit::Impl::measured_by_all(std::size_t rounds) const {
   return out;
 }
 
-Judged SceneFit::Impl::measure_held_out() {
-  const Leg& now = legs[leg];
+Measured SceneFit::Impl::measure_held_out() {
+  const Phase& now = phases[phase];
   const long compilations = ctx.profiler().compilations();
-  Judged here;
+  Measured here;
   double took = 0;
-  for (const int view : now.judges) {
+  for (const int view : now.held_out) {
     const DeviceFitPicture& picture = on_device(view);
     if (picture.known_share == 0)
       fail(Status::input, "{}: no pixel of it is inside its mask, so nothing can be measured on it: leave it out of {}",
            photographs.set.views[static_cast<std::size_t>(view)].name, Option::holdout_names);
     const auto begun = Clock::now();
-    const FitScore score = fitter->judge(picture);
+    const FitScore score = fitter->score(picture);
     took += seconds_since(begun);
     here.psnr += score.psnr;
     here.ssim += score.ssim;
@@ -266,14 +267,14 @@ Judged SceneFit::Impl::measure_held_out() {
   return here;
 }
 
-void SceneFit::Impl::judge() {
+void SceneFit::Impl::record_measurement() {
   const long at = fitter->steps_done();
-  const Judged here = measure_held_out();
+  const Measured here = measure_held_out();
   if (here.pictures == 0) return;
   const Uncancelled whole(ctx);
   falls = mean(here).psnr < last_psnr ? falls + 1 : 0;
   last_psnr = mean(here).psnr;
-  Judged& sum = curve[at];
+  Measured& sum = curve[at];
   sum.psnr += here.psnr;
   sum.ssim += here.ssim;
   sum.pictures += here.pictures;
@@ -287,13 +288,13 @@ void SceneFit::Impl::judge() {
 bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = Clock::now();
-  const double before = waited, behind = std::exchange(told_late, 0.0);
+  const double before = waited, behind = std::exchange(report_delay, 0.0);
   seconds += behind;
   if (!left) {
     if (consolidates_now()) consolidate();
     const int view = view_of_step(fitter->steps_done());
     const DeviceFitPicture picture = corrected(view);  // takes what was read ahead
-    if (fitter->steps_done() + 1 < leg_steps) {
+    if (fitter->steps_done() + 1 < phase_steps) {
       const int next = view_of_step(fitter->steps_done() + 1);
       if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
     }
@@ -304,9 +305,9 @@ bool SceneFit::Impl::step() {
     pace.add(took - (waited - before), ctx.profiler().compilations());
     ++steps_in_all;
     const long at = fitter->steps_done();
-    left = AfterStep{at % recipe.judge_every == 0 || at == leg_steps, false, at >= leg_steps};
+    left = AfterStep{at % recipe.measure_every == 0 || at == phase_steps, false, at >= phase_steps};
   }
-  const bool look = left->judges;
+  const bool look = left->measures;
   follow(*left);
   left.reset();
   const double until_now = seconds + seconds_since(begun);
@@ -319,24 +320,24 @@ bool SceneFit::Impl::step() {
 
 bool SceneFit::Impl::consolidates_now() const {
   const long at = fitter->steps_done();
-  return consolidates() && !is_consolidated() && at + at / 3 >= leg_steps;
+  return consolidates() && !is_consolidated() && at + at / 3 >= phase_steps;
 }
 
 void SceneFit::Impl::follow(AfterStep& after) {
-  if (after.judges && !after.judged) judge();
-  after.judged = true;
-  if (in_folds() && (falls >= kFalls || (after.judges && !has_time_for(kLastPhase)))) after.ends = true;
-  if (after.ends) end_leg();
+  if (after.measures && !after.measured) record_measurement();
+  after.measured = true;
+  if (in_folds() && (falls >= kFalls || (after.measures && !has_time_for(kLastPhase)))) after.ends = true;
+  if (after.ends) end_phase();
 }
 
-void SceneFit::Impl::end_leg() {
+void SceneFit::Impl::end_phase() {
   if (!in_folds()) return finish();
-  const std::size_t before = leg;
-  leg = has_time_for(1 + kLastPhase) ? leg + 1 : legs.size() - 1;
+  const std::size_t before = phase;
+  phase = has_time_for(1 + kLastPhase) ? phase + 1 : phases.size() - 1;
   try {
-    begin_leg();
+    begin_phase();
   } catch (...) {
-    leg = before;  // the phase starts again
+    phase = before;  // the phase starts again
     throw;
   }
 }
@@ -345,16 +346,16 @@ void SceneFit::Impl::end_leg() {
 void SceneFit::Impl::finish() {
   if (done) return;
   if (!in_folds()) {
-    if ((request.whole || legs[leg].judges.empty()) && fitter->steps_done() > 0 && !pruned && !unreduced) {
+    if ((request.whole || phases[phase].held_out.empty()) && fitter->steps_done() > 0 && !pruned && !unreduced) {
       best = fitter->gaussians();
       best_steps = fitter->steps_done();
     }
     prune();
     std::vector<FitScore> scores;
     if (fitter->steps_done() > 0)
-      for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
-    for (const std::size_t i : outliers(scores)) suspects.push_back(legs[leg].views[i]);
-    if (best && request.background.kind == FitBackground::Kind::sky && !legs[leg].judges.empty())
+      for (const int view : phases[phase].views) scores.push_back(fitter->score(corrected(view)));
+    for (const std::size_t i : find_outliers(scores)) outliers.push_back(phases[phase].views[i]);
+    if (best && request.background.kind == FitBackground::Kind::sky && !phases[phase].held_out.empty())
       written = score_written();
   }
   done = true;
@@ -388,14 +389,14 @@ void SceneFit::stop() { impl_->finish(); }
 FitProgress SceneFit::progress() const {
   const Impl& i = *impl_;
   FitProgress out;
-  out.phase = i.is_consolidated() ? "consolidating" : i.legs[i.leg].phase;
+  out.phase = i.is_consolidated() ? "consolidating" : i.phases[i.phase].name;
   out.step = i.fitter->steps_done();
-  out.steps = i.leg_steps;
+  out.steps = i.phase_steps;
   out.gaussians = i.fitter->count();
   if (out.step > 0) {
     const auto begun = Clock::now();
     out.loss = static_cast<double>(i.ctx.read<float>(i.fitter->last_loss())[0]);
-    impl_->told_late += seconds_since(begun);
+    impl_->report_delay += seconds_since(begun);
   }
   out.psnr = i.last_psnr;
   out.seconds_left = i.seconds_left();
@@ -405,23 +406,23 @@ FitProgress SceneFit::progress() const {
 
 // Whether the scene as it is now is the best one of a fit in progress.
 bool SceneFit::Impl::latest_is_best() const {
-  return !done && !in_folds() && (request.whole || legs[leg].judges.empty()) && fitter->steps_done() > 0;
+  return !done && !in_folds() && (request.whole || phases[phase].held_out.empty()) && fitter->steps_done() > 0;
 }
 
 FitResult SceneFit::figures() const {
   const Impl& i = *impl_;
   FitResult out;
   out.seconds = i.seconds;
-  out.in_turn = i.legs.size() > 1;
+  out.in_turn = i.phases.size() > 1;
   out.background = measured_over(i.request.background);
-  out.judged = i.judged;
-  out.suspects = i.suspects;
+  out.held_out = i.held_out;
+  out.outliers = i.outliers;
   out.start = out.result = out.over_sky = {std::nan(""), std::nan("")};
   bool made = i.best || i.latest_is_best();
   out.steps = i.latest_is_best() ? i.fitter->steps_done() : i.best_steps;
   // While folds run, only some of the views have been measured.
-  if (i.done && i.in_folds()) out.judged.clear();
-  if (!i.judged.empty() && !i.in_folds()) {
+  if (i.done && i.in_folds()) out.held_out.clear();
+  if (!i.held_out.empty() && !i.in_folds()) {
     out.start = mean(i.curve.at(0));
     out.result = mean(std::prev(i.curve.upper_bound(out.steps))->second);
     if (!(out.result.psnr > out.start.psnr)) {
@@ -448,11 +449,11 @@ FitResult SceneFit::result() {
   return out;
 }
 
-const FitRoom& SceneFit::memory() const { return impl_->room; }
+const FitBudget& SceneFit::memory() const { return impl_->budget; }
 
 const Scene& SceneFit::start() const {
   Impl& i = *impl_;
-  if (!i.first) i.first = i.given.make(i.legs.back().views);
+  if (!i.first) i.first = i.given.make(i.phases.back().views);
   return *i.first;
 }
 

@@ -14,7 +14,7 @@
 
 namespace vsplat {
 
-struct FitRoom;
+struct FitBudget;
 
 // With fewer views than this, none is held out for the whole fit: each is left out in turn.
 inline constexpr int kManyViews = 12;
@@ -87,15 +87,15 @@ struct FitResult {
   long steps = 0;
   double seconds = 0;
   bool start_returned = false;
-  bool in_turn = false;               // with few views, each of `judged` was left out in turn
+  bool in_turn = false;               // with few views, each of `held_out` was left out in turn
   std::array<float, 3> background{};  // that pictures are measured over
-  std::vector<int> judged;            // the held-out views
-  // Means over `judged`. If the start is returned, `result` belongs to the best scene of the fit.
+  std::vector<int> held_out;          // the held-out views
+  // Means over `held_out`. If the start is returned, `result` belongs to the best scene of the fit.
   FitScore start, result;
   // With a sky: how good the result was over the sky itself, where `result` is of the Gaussians that it became. NaN if
   // there is none, or if no view is held out for the whole fit.
   FitScore over_sky;
-  std::vector<int> suspects;
+  std::vector<int> outliers;
 };
 
 class SceneFit {
@@ -111,7 +111,7 @@ class SceneFit {
   void stop();  // runs no further step
   FitProgress progress() const;
   // The memory that was planned for the current phase, before it took any.
-  const FitRoom& memory() const;
+  const FitBudget& memory() const;
   // The settings in effect, as JSON: see vsplat_fit_get_settings.
   std::string settings() const;
 

@@ -57,9 +57,9 @@ SkySphere SceneFit::Impl::sky_sphere() const {
 }
 
 FitScore SceneFit::Impl::score_written() {
-  Judged sum;
-  for (const int view : legs[leg].judges) {
-    const FitScore score = fitter->judge(*best, on_device(view));
+  Measured sum;
+  for (const int view : phases[phase].held_out) {
+    const FitScore score = fitter->score(*best, on_device(view));
     sum.psnr += score.psnr;
     sum.ssim += score.ssim;
     ++sum.pictures;

@@ -20,22 +20,22 @@
 namespace vsplat {
 
 // A phase of the fit: the views that it fits, and the held-out views that measure it.
-struct Leg {
-  std::string phase;
-  std::vector<int> views, judges;
+struct Phase {
+  std::string name;
+  std::vector<int> views, held_out;
 };
 
 // Sum of the measurements made after a number of steps.
-struct Judged {
+struct Measured {
   double psnr = 0, ssim = 0;  // over `pictures`
   int pictures = 0;
 };
 
-FitScore mean(const Judged& judged);
+FitScore mean(const Measured& of);
 
 // Work left after a step. If it is interrupted, the next call of step() completes it.
 struct AfterStep {
-  bool judges = false, judged = false, ends = false;  // `ends`: ends the phase
+  bool measures = false, measured = false, ends = false;  // `ends`: ends the phase
 };
 
 struct SceneFit::Impl {
@@ -44,10 +44,10 @@ struct SceneFit::Impl {
   bool step();
   void follow(AfterStep& left);
   void finish();
-  void begin_leg();
-  void end_leg();
-  void judge();
-  Judged measure_held_out();
+  void begin_phase();
+  void end_phase();
+  void record_measurement();
+  Measured measure_held_out();
   void reduce(const std::function<std::vector<bool>(const std::vector<float>&)>& choose, long at);
   void prune();
   void consolidate();
@@ -82,7 +82,7 @@ struct SceneFit::Impl {
   void go_on(const FitCheckpoint& from);
   void read_place(const FitCheckpoint& from);
   void read_progress(const FitCheckpoint& from);
-  bool in_folds() const { return leg + 1 < legs.size(); }
+  bool in_folds() const { return phase + 1 < phases.size(); }
 
   Context& ctx;
   const Photographs& photographs;
@@ -95,28 +95,28 @@ struct SceneFit::Impl {
   std::vector<int> used;
   std::size_t masked = 0;  // of the used views, those with a mask or alpha that marks an object
 
-  std::vector<Leg> legs;  // the last phase makes the result; each one before it leaves one view out
-  std::size_t leg = 0;
+  std::vector<Phase> phases;  // the last phase makes the result; each one before it leaves one view out
+  std::size_t phase = 0;
   FitRecipe recipe;
   int degree = 0;     // of the spherical harmonics
   long grows_to = 0;  // Gaussians, unless the request says so; a resumed fit keeps it, whatever memory there is now
   long pairs = 0;     // FitOptions::most_pairs; likewise
-  long leg_steps = 0;
+  long phase_steps = 0;
   std::unique_ptr<Fitter> fitter;  // of the current phase
   std::optional<Scene> first;      // the start of the last phase, in the world
-  std::map<long, Judged> curve;    // by number of steps, over the folds or over the held-out pictures
-  std::vector<int> judged;
+  std::map<long, Measured> curve;  // by number of steps, over the folds or over the held-out pictures
+  std::vector<int> held_out;
   std::map<int, PoseCorrection> poses;  // of the current phase, if requested
   std::map<int, ExposureCorrection> exposures;
   std::map<int, DeviceFitPicture> resident;
   DeviceFitPicture passing;
   std::size_t resident_bytes = 0;
-  FitRoom room;               // of the current phase
+  FitBudget budget;           // of the current phase
   HostMemory held;            // for cached pictures and scenes
   double largest_pixels = 0;  // of the largest picture
 
   bool done = false, unknown = false, resuming = false;
-  double seconds = 0, leg_began = 0, last_psnr = std::nan("");
+  double seconds = 0, phase_began = 0, last_psnr = std::nan("");
   int falls = 0;  // how often in a row the fold's PSNR has fallen
   // Latest durations: the shorter of the last two steps, since one may include a compilation, and one picture's
   // measurement.
@@ -126,7 +126,7 @@ struct SceneFit::Impl {
   StepPace pace;
   double waited = 0;
   long reads = 0;
-  double told_late = 0;  // seconds that progress() has waited for the device since the last step
+  double report_delay = 0;  // seconds that progress() has waited for the device since the last step
   std::optional<AfterStep> left;
   long consolidated_after = 0;         // steps; 0: not yet
   bool pruned = false;                 // whether `best` is
@@ -135,7 +135,7 @@ struct SceneFit::Impl {
   std::optional<Gaussians> best;
   long best_steps = 0;
   std::optional<FitScore> written;  // how good it is with its sky as Gaussians, once the fit has ended
-  std::vector<int> suspects;
+  std::vector<int> outliers;
 };
 
 }  // namespace vsplat

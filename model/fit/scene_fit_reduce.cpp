@@ -26,13 +26,13 @@ void SceneFit::Impl::reduce(const std::function<std::vector<bool>(const std::vec
   fitter->replace(*unreduced);
   const Tensor sums = ctx.tensor({fitter->count()}, Type::f32, "blending weights");
   ctx.fill_zero(sums);
-  for (const int view : legs[leg].views) fitter->add_weights(corrected(view), sums);
+  for (const int view : phases[phase].views) fitter->add_weights(corrected(view), sums);
   const std::vector<bool> stays = choose(ctx.read<float>(sums));
   Gaussians kept = *unreduced;
   keep(kept, [&](std::size_t k) { return stays[k]; });
   if (kept.count == 0) return unreduced.reset();
   fitter->replace(kept);
-  const Judged here = measure_held_out();
+  const Measured here = measure_held_out();
   const Uncancelled whole(ctx);
   verbose("{} of {} Gaussians stay", kept.count, unreduced->count);
   unreduced.reset();

@@ -48,7 +48,7 @@ std::string SceneFit::settings() const {
   const Placement& frame = i.given.placement;
   // Names are those of `vsplat fit`'s options. Given back, a value gives the same fit: where views are left out in
   // turn, the number of steps is found out, and is not given.
-  const bool finds_steps = i.legs.size() > 1 || i.unknown;
+  const bool finds_steps = i.phases.size() > 1 || i.unknown;
   const bool grows = i.recipe.options.grow_every > 0;
   const Camera largest = i.pictures.largest(i.used);
   ordered_json out = {

@@ -55,15 +55,15 @@ std::string SceneFit::Impl::text_of_request() const {
     out += fmt::format(" depth {} weight {}", r.depth, exact_text(static_cast<double>(r.depth_weight)));
   if (photographs.masks != MaskUse::object || photographs.invert_masks)
     out += fmt::format(" masks {} {}", static_cast<int>(photographs.masks), photographs.invert_masks);
-  for (const Leg& each : legs) {
+  for (const Phase& each : phases) {
     out += " |";
     for (const int view : each.views)
       out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
-    out += " judged by";
-    for (const int view : each.judges)
+    out += " measured on";
+    for (const int view : each.held_out)
       out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
   }
-  const Scene start = given.make(legs.back().views);
+  const Scene start = given.make(phases.back().views);
   if (start.antialias) out += " | antialias";
   out += " | near " + exact_text(static_cast<double>(start.near));
   if (!start.offset.isZero(0))
@@ -95,13 +95,13 @@ void SceneFit::Impl::save() const {
   hold_tuning(ctx, out.state);
   out.state["grows_to"] = std::to_string(grows_to);
   out.state["pairs"] = std::to_string(pairs);
-  out.state["leg"] = std::to_string(leg);
+  out.state["phase"] = std::to_string(phase);
   out.state["steps"] = std::to_string(fitter->steps_done());
-  out.state["leg_steps"] = std::to_string(leg_steps);
+  out.state["phase_steps"] = std::to_string(phase_steps);
   out.state["best_steps"] = std::to_string(best_steps);
   out.state["steps_in_all"] = std::to_string(steps_in_all);
   out.state["seconds"] = exact_text(seconds);
-  out.state["leg_began"] = exact_text(leg_began);
+  out.state["phase_began"] = exact_text(phase_began);
   out.state["last_psnr"] = exact_text(last_psnr);
   out.state["falls"] = std::to_string(falls);
   out.state["replaced_after"] = std::to_string(fitter->replaced_after());
@@ -120,8 +120,9 @@ void SceneFit::Impl::save() const {
 
 // Restores the position within the fit.
 void SceneFit::Impl::read_place(const FitCheckpoint& from) {
-  leg = static_cast<std::size_t>(whole_number(from, "leg"));
-  if (leg >= legs.size()) fail(Status::format, "a fit's state is of leg {}, of which there are {}", leg, legs.size());
+  phase = static_cast<std::size_t>(whole_number(from, "phase"));
+  if (phase >= phases.size())
+    fail(Status::format, "a fit's state is of phase {}, of which there are {}", phase, phases.size());
   grows_to = whole_number(from, "grows_to");
   pairs = whole_number(from, "pairs");
   for (const auto& [name, text] : from.state) {
@@ -131,24 +132,24 @@ void SceneFit::Impl::read_place(const FitCheckpoint& from) {
     curve[at] = {number(from, stem + ".psnr"), number(from, stem + ".ssim"),
                  static_cast<int>(whole_number(from, stem + ".pictures"))};
   }
-  if (curve.count(0) == 0 && !legs[leg].judges.empty())
+  if (curve.count(0) == 0 && !phases[phase].held_out.empty())
     fail(Status::format, "a fit's state has no curve.0.psnr: how good the start was");
 }
 
 // Restores the results of the current phase.
 void SceneFit::Impl::read_progress(const FitCheckpoint& from) {
-  leg_steps = whole_number(from, "leg_steps");
+  phase_steps = whole_number(from, "phase_steps");
   fitter->restore(from.tensors, whole_number(from, "steps"), whole_number(from, "replaced_after"));
   consolidated_after = whole_number(from, "consolidated_after");
   pruned = whole_number(from, "pruned") != 0;
   best_steps = whole_number(from, "best_steps");
   steps_in_all = whole_number(from, "steps_in_all");
   seconds = number(from, "seconds");
-  leg_began = from.state.count("leg_began") > 0 ? number(from, "leg_began") : seconds;
+  phase_began = from.state.count("phase_began") > 0 ? number(from, "phase_began") : seconds;
   last_psnr = number(from, "last_psnr");
   falls = from.state.count("falls") > 0 ? static_cast<int>(whole_number(from, "falls")) : 0;
   if (from.state.count("best_degree") > 0) best = best_in(from);
-  for (const int view : legs[leg].views) {
+  for (const int view : phases[phase].views) {
     const std::string pose = fmt::format("pose.{}", view), exposure = fmt::format("exposure.{}", view);
     if (from.state.count(pose) > 0) poses.emplace(view, PoseCorrection::from_text(from.state.at(pose)));
     if (from.state.count(exposure + ".steps") > 0)
@@ -167,13 +168,13 @@ void SceneFit::Impl::go_on(const FitCheckpoint& from) {
   };
   refuse_other_tuning(ctx, from.state, fit_checkpoint_path(request.checkpoint));
   named(&Impl::read_place);
-  const std::map<long, Judged> judged_before = curve;
+  const std::map<long, Measured> curve_before = curve;
   resuming = true;
-  begin_leg();
+  begin_phase();
   resuming = false;
-  curve = judged_before;
+  curve = curve_before;
   named(&Impl::read_progress);
-  if (fitter->steps_done() >= leg_steps) end_leg();
+  if (fitter->steps_done() >= phase_steps) end_phase();
 }
 
 }  // namespace vsplat

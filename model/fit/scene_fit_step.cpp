@@ -33,7 +33,7 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   waited += 1e-9 * static_cast<double>(now_ns() - begun);
   ++reads;
   const std::size_t bytes = bytes_of(*picture);
-  if (resident_bytes + bytes > room.on_device) {
+  if (resident_bytes + bytes > budget.on_device) {
     passing = {};
     passing = upload(ctx, *picture);
     return passing;
@@ -53,7 +53,7 @@ DeviceFitPicture SceneFit::Impl::corrected(int view) {
 
 // One step of the scene, and of the view's pose and exposure corrections.
 void SceneFit::Impl::step_on(int view, const DeviceFitPicture& picture) {
-  const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(leg_steps));
+  const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(phase_steps));
   std::array<double, 6> dpose{};
   FitAside aside;
   if (request.poses) aside.dpose = &dpose;
@@ -71,7 +71,7 @@ void SceneFit::Impl::step_on(int view, const DeviceFitPicture& picture) {
 
 // Each epoch visits every view once, in its own random order.
 int SceneFit::Impl::view_of_step(long step) const {
-  const std::vector<int>& views = legs[leg].views;
+  const std::vector<int>& views = phases[phase].views;
   const auto n = static_cast<long>(views.size());
   const auto epoch = static_cast<std::uint32_t>(step / n);
   std::vector<int> order = views;

@@ -13,7 +13,7 @@ namespace vsplat {
 namespace {
 
 // Exponential of the se(3) element (omega, tau).
-Eigen::Matrix4d exp_twist(const Eigen::Vector3d& omega, const Eigen::Vector3d& tau) {
+Eigen::Matrix4d exp_se3(const Eigen::Vector3d& omega, const Eigen::Vector3d& tau) {
   const double angle = omega.norm();
   Eigen::Matrix3d hat;
   hat << 0, -omega.z(), omega.y(), omega.z(), 0, -omega.x(), -omega.y(), omega.x(), 0;
@@ -41,7 +41,7 @@ void PoseCorrection::move(const std::array<double, 6>& gradient, double rate) {
     const auto t = static_cast<double>(steps_);
     by[i] = -rate * m_[i] / (1 - std::pow(kBeta1, t)) / (std::sqrt(v_[i] / (1 - std::pow(kBeta2, t))) + kEps);
   }
-  w2c_ = exp_twist({by[0], by[1], by[2]}, {by[3], by[4], by[5]}) * w2c_;
+  w2c_ = exp_se3({by[0], by[1], by[2]}, {by[3], by[4], by[5]}) * w2c_;
 }
 
 std::string PoseCorrection::text() const {

@@ -47,7 +47,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
       parts.clear();
       for (long i = 0; i < out.chunks(); ++i) parts.push_back(upload(c, g, i * chunk, out.size_of(i)));
     };
-    if (make_room(ctx, place)) {
+    if (reserve_for(ctx, place)) {
       place(ctx);
       out.get = [parts](Context&, long i) { return parts.at(static_cast<std::size_t>(i)); };
       return out;

@@ -44,9 +44,9 @@ View cull(Context& ctx, const GaussianChunks& scene, const Camera& camera, const
   return out;
 }
 
-View cull_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+View cull_reserved(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
   check_size(camera);
-  make_room(ctx, [&](Context& c) { cull(c, scene, camera, options); });
+  reserve_for(ctx, [&](Context& c) { cull(c, scene, camera, options); });
   return cull(ctx, scene, camera, options);
 }
 
@@ -108,7 +108,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
                    bool slots, const PartWork& work) {
   const Stage stage(ctx, "splat");
   const RoundedSizes rounded(ctx.memory());
-  View view = cull_in_room(ctx, scene, camera, options);
+  View view = cull_reserved(ctx, scene, camera, options);
   std::vector<Part> parts{whole(camera)};
   std::optional<VisibleCount> first;  // of the whole picture
   if (options.counted && !ctx.planning()) {
@@ -134,7 +134,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
       const bool exact = options.exact_tiles && scene.kind == GaussianKind::volume;
       work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, exact}));
     };
-    if (make_room(ctx, draw)) {
+    if (reserve_for(ctx, draw)) {
       draw(ctx);
     } else if (part.tiles() > 1) {
       split(part, parts);
@@ -157,17 +157,18 @@ void draw_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& o
     rasterize_forward(ctx, {projected, binned, part, options.background, picture});
 }
 
-DevicePicture picture_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const SurfelMaps& maps) {
+DevicePicture reserved_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera,
+                               const SurfelMaps& maps) {
   check_size(camera);
   if (scene.kind != GaussianKind::surfel && (maps.normal || maps.median || maps.distortion))
     fail(Status::usage, "normals, median depths and distortion are those of surfels; these Gaussians are volumes");
-  make_room(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height, maps); });
+  reserve_for(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height, maps); });
   return make_picture(ctx, camera.width, camera.height, maps);
 }
 
 DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
   const Stage stage(ctx, "splat");
-  const DevicePicture out = picture_in_room(ctx, scene, camera, options.maps);
+  const DevicePicture out = reserved_picture(ctx, scene, camera, options.maps);
   render_into(ctx, scene, camera, options, out);
   return out;
 }
@@ -182,7 +183,7 @@ void render_larger(Context& ctx, const GaussianChunks& scene, const Camera& came
   const SurfelMaps maps{static_cast<bool>(out.normal), static_cast<bool>(out.median),
                         static_cast<bool>(out.distortion)};
   const Camera larger = times_as_large(camera, options.supersample);
-  const DevicePicture picture = picture_in_room(ctx, scene, larger, maps);
+  const DevicePicture picture = reserved_picture(ctx, scene, larger, maps);
   render_into(ctx, scene, larger, once, picture);
   for (Tensor DevicePicture::*const map :
        {&DevicePicture::colour, &DevicePicture::alpha, &DevicePicture::depth, &DevicePicture::normal,
@@ -204,7 +205,7 @@ void render_into(Context& ctx, const GaussianChunks& scene, const Camera& camera
 
 void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,
                  const Camera& camera, const RenderOptions& options) {
-  const View view = cull_in_room(ctx, scene, times_as_large(camera, options.supersample), options);
+  const View view = cull_reserved(ctx, scene, times_as_large(camera, options.supersample), options);
   RenderOptions counted = options;
   counted.counts = [&](const Part& part) { return count_visible(ctx, view.culled, part); };
   render(planner, planned, camera, counted);

@@ -67,7 +67,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
                    bool slots, const PartWork& work);
 
 // Allocates the device picture, after reserving memory for it.
-DevicePicture picture_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const SurfelMaps& maps);
+DevicePicture reserved_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera, const SurfelMaps& maps);
 // Blends the Gaussians of a part into the picture.
 void draw_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                const Projected& projected, const Binned& binned, const DevicePicture& picture);

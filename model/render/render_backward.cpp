@@ -14,7 +14,7 @@ SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene) {
       out.push_back(zero_gradients(c, scene.size_of(i), scene.sh_degree, scene.kind));
     return out;
   };
-  make_room(ctx, [&](Context& c) { make(c); });
+  reserve_for(ctx, [&](Context& c) { make(c); });
   return make(ctx);
 }
 
@@ -41,10 +41,10 @@ Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
 
 namespace {
 
-// The gradients of one part of the picture, which has been drawn. `twists`: project_backward()'s pose gradients.
+// The gradients of one part of the picture, which has been drawn. `pose_gradients`: those of project_backward().
 void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                    const Projected& projected, const Binned& binned, const DevicePicture& picture,
-                   const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists,
+                   const PictureGradient& gradient, const SceneGradient& out, const Tensor& pose_gradients,
                    const PixelSums& sums) {
   const bool surfels = scene.kind == GaussianKind::surfel, mirrored = options.mirror.has_value();
   const IntersectionGradients rows =
@@ -63,10 +63,10 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOption
     const long base = i * scene.chunk;
     if (surfels)
       project_surfels_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to,
-                                     twists, options.revision});
+                                     pose_gradients, options.revision});
     else
-      project_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to, twists,
-                             options.antialias});
+      project_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to,
+                             pose_gradients, options.antialias});
   }
 }
 
@@ -78,10 +78,12 @@ void differentiate_parts(Context& ctx, const GaussianChunks& scene, const Camera
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, picture);
-                  const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, sums);
+                  const Tensor pose_gradients =
+                      pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "pose_gradients") : Tensor();
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, pose_gradients,
+                                sums);
                   if (!pose) return;
-                  const Tensor sum = sum_twists(c, twists);
+                  const Tensor sum = sum_pose_gradients(c, pose_gradients);
                   if (!c.planning()) poses.push_back(sum);
                 });
   if (!pose) return;
@@ -99,7 +101,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
                      const PixelSums& sums) {
   const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
   const Stage stage(ctx, "splat");
-  const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
+  const DevicePicture picture = reserved_picture(ctx, scene, camera, maps);
   differentiate_parts(ctx, scene, camera, options, picture, gradient, out, pose, sums);
 }
 
@@ -107,7 +109,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                                   const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
                                   std::array<double, 6>* pose, const PixelSums& sums) {
   const Stage stage(ctx, "splat");
-  const DevicePicture picture = picture_in_room(ctx, scene, camera, options.maps);
+  const DevicePicture picture = reserved_picture(ctx, scene, camera, options.maps);
   DrawnPicture drawn{picture};
   bool done = false;
   for_each_part(ctx, scene, camera, options, true,
@@ -116,9 +118,11 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (&c == &ctx) drawn.intersections += static_cast<std::uint64_t>(binned.ids.count());
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);
-                  const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists, sums);
-                  const Tensor sum = pose ? sum_twists(c, twists) : Tensor();
+                  const Tensor pose_gradients =
+                      pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "pose_gradients") : Tensor();
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, pose_gradients,
+                                sums);
+                  const Tensor sum = pose ? sum_pose_gradients(c, pose_gradients) : Tensor();
                   if (pose && &c == &ctx && !ctx.planning()) {
                     const auto values = ctx.read<float>(sum);
                     std::copy(values.begin(), values.end(), pose->begin());
@@ -128,7 +132,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
   if (done) return drawn;
   // With several parts, the loss needs the whole picture, which is complete only now. Its memory is planned like that
   // of the parts: what it took piece by piece would not be left in one piece for them.
-  make_room(ctx, [&](Context& c) { loss(c, picture); });
+  reserve_for(ctx, [&](Context& c) { loss(c, picture); });
   const PictureGradient gradient = loss(ctx, picture);
   differentiate_parts(ctx, scene, camera, options, picture, gradient, out, pose, sums);
   return drawn;
@@ -138,7 +142,7 @@ void screen_pulls(Context& ctx, const DeviceGaussians& scene, const Camera& came
                   const PictureLossWork& loss, Pulls pulls, const Tensor& out) {
   const Stage stage(ctx, "splat");
   const GaussianChunks chunks(scene);
-  const DevicePicture picture = picture_in_room(ctx, chunks, camera, {});
+  const DevicePicture picture = reserved_picture(ctx, chunks, camera, {});
   const auto pull = [&](Context& c, const Part& part, const Projected& projected, const Binned& binned,
                         const PictureGradient& gradient) {
     const IntersectionGradients rows =

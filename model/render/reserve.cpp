@@ -7,7 +7,7 @@
 
 namespace vsplat {
 
-bool make_room(Context& ctx, const std::function<void(Context&)>& work) {
+bool reserve_for(Context& ctx, const std::function<void(Context&)>& work) {
   const auto plan = [&]() -> std::unique_ptr<Context> {
     auto planner = ctx.planner();
     try {

@@ -8,6 +8,6 @@ namespace vsplat {
 
 // Runs `work` on a planning context, then reserves the memory that the plan used. Frees unused memory if that helps.
 // Returns false, with nothing reserved, if the work would exceed the memory limit.
-bool make_room(Context& ctx, const std::function<void(Context&)>& work);
+bool reserve_for(Context& ctx, const std::function<void(Context&)>& work);
 
 }  // namespace vsplat

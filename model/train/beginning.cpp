@@ -67,10 +67,10 @@ std::string adapt(Weights& weights, const Config& from, const Config& to, const 
   if (from.volume == to.volume && from.image == to.image) return "";
   const double factor = static_cast<double>(from.volume) / static_cast<double>(to.volume);
   const std::size_t scaled = scale_places(weights, to, factor);
-  std::string told = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, continues with {} and {}",
+  std::string note = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, continues with {} and {}",
                                  path, from.image, from.volume, to.image, to.volume);
-  if (from.volume != to.volume) told += fmt::format("; {} places within a voxel scaled by {:g}", scaled, factor);
-  return told;
+  if (from.volume != to.volume) note += fmt::format("; {} places within a voxel scaled by {:g}", scaled, factor);
+  return note;
 }
 std::string adapt(Weights&, const LaraConfig& from, const LaraConfig& to, const std::string& path) {
   if (from.image == to.image) return "";
@@ -125,7 +125,7 @@ Beginning from_model(const TrainConfig& config, const std::string& path) {
         Beginning out;
         out.checkpoint.config = config;
         const auto& asked = *config.model.get_if<std::decay_t<decltype(model.config)>>();
-        out.told = adapt(model.weights, model.config, asked, path);
+        out.note = adapt(model.weights, model.config, asked, path);
         out.checkpoint.parameters = std::move(model.weights);
         return out;
       },

@@ -16,7 +16,7 @@ void check_model_fits(const AnyConfig& model, const TrainConfig& config);
 
 struct Beginning {
   Checkpoint checkpoint;
-  std::string told;  // note for the user on what was changed in the initial model; "": nothing
+  std::string note;  // note for the user on what was changed in the initial model; "": nothing
 };
 
 // The weights of a model file that passes check_model_fits(). Lengths in units of the cube's edge (the fine Gaussians'

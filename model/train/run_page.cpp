@@ -51,11 +51,11 @@ json object_in(const fs::path& path, Notes& notes) {
 
 // The folders of a run's stages: those in its configuration, else those that exist.
 std::vector<fs::path> folders_of(const fs::path& run, const json& config) {
-  const bool told = config.is_object() && config.contains("stages") && config["stages"].is_array();
-  const std::size_t stages = told ? config["stages"].size() : 0;
+  const bool lists_stages = config.is_object() && config.contains("stages") && config["stages"].is_array();
+  const std::size_t stages = lists_stages ? config["stages"].size() : 0;
   std::vector<fs::path> out;
-  if (told ? stages == 1 : config.is_object() || is_there(run / "log.csv")) return {run};
-  for (std::size_t i = 1; !told || i <= stages; ++i) {
+  if (lists_stages ? stages == 1 : config.is_object() || is_there(run / "log.csv")) return {run};
+  for (std::size_t i = 1; !lists_stages || i <= stages; ++i) {
     const fs::path folder = run / fmt::format("stage-{}", i);
     if (!is_there(folder)) break;
     out.push_back(folder);

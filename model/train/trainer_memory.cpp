@@ -43,7 +43,7 @@ void Trainer::make_memory(Context& ctx, const Network& network, const StepObject
     const Tensor margin = c.tensor({kMargin}, Type::f32, "margin");
     run(c);
   };
-  if (!make_room(ctx, with_margin)) {
+  if (!reserve_for(ctx, with_margin)) {
     const auto planner = ctx.planner();
     run(*planner);
     fail(Status::memory,

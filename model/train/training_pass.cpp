@@ -122,8 +122,8 @@ void lose_rays(Context& ctx, const Config& config, const PassViews& views, const
 }  // namespace
 
 Network::Half begin_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options) {
-  const std::vector<Camera> told = views.given.empty() ? input_cameras(views) : views.given;
-  return network.begin(ctx, views.inputs, told, options.forward, options.recompute);
+  const std::vector<Camera> cameras = views.given.empty() ? input_cameras(views) : views.given;
+  return network.begin(ctx, views.inputs, cameras, options.forward, options.recompute);
 }
 
 DrawnPass draw_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options,

@@ -97,8 +97,8 @@ class Telling {
   // Progress since the last call; each step has `objects` objects.
   TrainProgress take(std::size_t objects) {
     TrainProgress out;
-    const double share = 1.0 / static_cast<double>(count_), pace = seconds_since(told_) * share;
-    told_ = Clock::now();
+    const double share = 1.0 / static_cast<double>(count_), pace = seconds_since(reported_) * share;
+    reported_ = Clock::now();
     out.report = sum_;
     StepReport& r = out.report;
     for (double* value : {&r.loss, &r.psnr, &r.psnr_coarse, &r.selected, &r.gradient_norm}) *value *= share;
@@ -116,7 +116,7 @@ class Telling {
   StepReport sum_;
   long count_ = 0;
   const Clock::time_point began_ = Clock::now();
-  Clock::time_point told_ = began_, stepped_ = began_;
+  Clock::time_point reported_ = began_, stepped_ = began_;
   StepPace pace_;
 };
 
@@ -133,12 +133,12 @@ class FirstSteps {
  public:
   FirstSteps(long step, long steps) : begun_(step), steps_(steps) {}
 
-  // Call after each step; `told`: progress was reported.
-  void add(const StepReport& r, bool told, const std::function<void(const std::string&)>& say) {
+  // Call after each step; `reported`: progress was reported.
+  void add(const StepReport& r, bool reported, const std::function<void(const std::string&)>& say) {
     const long done = r.step - begun_;
     const double took = seconds_since(last_), left = took * static_cast<double>(steps_ - r.step);
     last_ = Clock::now();
-    ended_ = ended_ || told;
+    ended_ = ended_ || reported;
     if (!ended_ && (done & (done - 1)) == 0)
       say(fmt::format("first steps: {} of {}, loss {:.4f}, {} for the last one{}", r.step, steps_, r.loss,
                       duration_text(took),
@@ -324,12 +324,12 @@ class Page {
 
   // Warns once per problem, not at each attempt.
   void tell(const std::string& problem) {
-    if (problem != told_) warn("{}; the training goes on without it", problem);
-    told_ = problem;
+    if (problem != warned_) warn("{}; the training goes on without it", problem);
+    warned_ = problem;
   }
 
   const Context& ctx_;
-  std::string path_, run_, told_;
+  std::string path_, run_, warned_;
   long start_;  // steps done by earlier runs
   RunRecord record_;
   const Clock::time_point began_ = Clock::now();
@@ -400,7 +400,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   if (trainer.step() < steps) views = views_of(trainer.step());
   RunFolder folder(config, options, start.step);
   for (const std::string& text : unfinished(config.schedule)) warn("{}", text);
-  if (!beginning.told.empty()) folder.say(beginning.told);
+  if (!beginning.note.empty()) folder.say(beginning.note);
   if (start.step > 0) {
     folder.renew_model(start);
     folder.say(going_on(config, start.step));

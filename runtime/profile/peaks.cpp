@@ -11,7 +11,7 @@
 #include "runtime/files/disk_cache.h"
 #include "runtime/log.h"
 #include "runtime/profile/profiler.h"
-#include "runtime/tuning/kept_finding.h"
+#include "runtime/tuning/stored_finding.h"
 
 namespace vsplat {
 namespace {

@@ -61,7 +61,7 @@ SeenDriver look(const char* what, const char* when, const std::string& library, 
   SeenDriver out;
   out.doing = "when it is loaded";
   bool whole = false;
-  std::istringstream lines(end.told);
+  std::istringstream lines(end.report);
   for (std::string line; std::getline(lines, line);) whole = take_fact(fields_of(line), out) || whole;
   if (whole && !end.too_late && (end.exit_code == 0 || end.unknown)) {
     out.doing.clear();

@@ -69,11 +69,11 @@ std::error_code become_program(const std::string& program, const std::vector<std
 // a program that runs for its output, through watched_process.h
 
 struct Watch {
-  std::size_t most_told = 0, most_said = 0;  // bytes kept: the first ones of `told`, and the last ones of `said`
+  std::size_t most_report = 0, most_said = 0;  // bytes kept: the first ones of `report`, and the last ones of `said`
   double seconds = 0;
 };
 struct WatchedEnd {
-  std::string told;       // output to its third descriptor
+  std::string report;     // output to its third descriptor
   std::string said;       // its standard output and error
   int exit_code = -1;     // -1 if it did not end by itself, or if it is unknown how
   int signal = 0;         // the signal that ended it, unless we sent it

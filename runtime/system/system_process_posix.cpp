@@ -123,17 +123,17 @@ int milliseconds_to(Clock::time_point end) {
 // Reads until the program has ended or the time is up. Programs that a driver started may keep descriptors open, so the
 // end of the program itself counts. Its exit status is not collected, so that its number stays reserved. Returns
 // whether the program still runs, or is gone.
-void listen(const Handle& told, const Handle& said, int process, Clock::time_point end, const Watch& how,
+void listen(const Handle& report, const Handle& said, int process, Clock::time_point end, const Watch& how,
             WatchedEnd& out) {
-  bool told_open = true, said_open = true, ended = false;
+  bool report_open = true, said_open = true, ended = false;
   for (;;) {
     siginfo_t found{};
     if (!ended && ::waitid(P_PID, static_cast<id_t>(process), &found, WEXITED | WNOHANG | WNOWAIT) != 0)
       ended = out.unknown = errno == ECHILD;
     ended = ended || found.si_pid == process;
-    pollfd files[2] = {{told_open ? told.number() : -1, POLLIN, 0}, {said_open ? said.number() : -1, POLLIN, 0}};
+    pollfd files[2] = {{report_open ? report.number() : -1, POLLIN, 0}, {said_open ? said.number() : -1, POLLIN, 0}};
     const int ready = ::poll(files, 2, ended ? 0 : std::min(milliseconds_to(end), 50));
-    if (ready > 0 && files[0].revents != 0) told_open = take(told, out.told, false, how.most_told);
+    if (ready > 0 && files[0].revents != 0) report_open = take(report, out.report, false, how.most_report);
     if (ready > 0 && files[1].revents != 0) said_open = take(said, out.said, true, how.most_said);
     if (ended && ready <= 0) return;
     if (!ended && Clock::now() >= end) {
@@ -221,9 +221,9 @@ std::string signal_name(int signal) { return ::strsignal(signal); }
 WatchedEnd watch_program(const std::string& program, const std::vector<std::string>& arguments, const Watch& how,
                          std::error_code& no_pipe, std::error_code& not_started) {
   WatchedEnd out;
-  Pipe told, said;
+  Pipe report, said;
   not_started.clear();
-  no_pipe = open_pipe(told);
+  no_pipe = open_pipe(report);
   if (!no_pipe) no_pipe = open_pipe(said);
   if (no_pipe) return out;
   int process = -1;
@@ -232,15 +232,15 @@ WatchedEnd watch_program(const std::string& program, const std::vector<std::stri
     spawning.nowhere(0, O_RDONLY);
     spawning.give(said.to, 1);
     spawning.give(said.to, 2);
-    spawning.give(told.to, third_descriptor);
+    spawning.give(report.to, third_descriptor);
     spawning.nothing_else();
     process = spawning.start(program, arguments, environ, not_started);
   }
   if (not_started) return out;
-  told.to = Handle(), said.to = Handle();
+  report.to = Handle(), said.to = Handle();
   const auto end =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(how.seconds));
-  listen(told.from, said.from, process, end, how, out);
+  listen(report.from, said.from, process, end, how, out);
   if (out.unknown) return out;  // its number may belong to another process by now
   ::kill(-process, SIGKILL);    // including processes that it may have started
   int status = 0;

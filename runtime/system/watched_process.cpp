@@ -5,9 +5,9 @@
 namespace vsplat {
 
 WatchedEnd run_watched(const std::string& program, const std::vector<std::string>& arguments, double seconds) {
-  constexpr std::size_t most_told = 1 << 20, most_said = 2000;
+  constexpr std::size_t most_report = 1 << 20, most_said = 2000;
   std::error_code no_pipe, not_started;
-  WatchedEnd out = sys::watch_program(program, arguments, {most_told, most_said, seconds}, no_pipe, not_started);
+  WatchedEnd out = sys::watch_program(program, arguments, {most_report, most_said, seconds}, no_pipe, not_started);
   if (no_pipe) fail(Status::internal, "{}: no pipe to hear from it: {}", program, no_pipe.message());
   if (not_started)
     fail(Status::internal, "{}: cannot be started: {}; this program is installed beside the library", program,

@@ -42,7 +42,7 @@ std::string way_to(const std::string& hash, const DeviceInfo& device) {
   const std::string go_on = "To continue with the same as before, set VSPLAT_TUNING";
   if (hash.empty()) return go_on + "=off";
   const bool a_hash = hash.size() == 64 && hash.find_first_not_of("0123456789abcdef") == std::string::npos;
-  const std::string kept = a_hash ? kept_tuning_path(hash) : "";
+  const std::string kept = a_hash ? stored_tuning_path(hash) : "";
   std::error_code error;
   if (kept.empty() || !std::filesystem::exists(kept, error)) return go_on + " to that table's file";
   if (const std::string wrong = wrong_in(kept, device); !wrong.empty())

@@ -16,7 +16,7 @@
 #include "runtime/option.h"
 #include "runtime/printable.h"
 #include "runtime/system/environment.h"
-#include "runtime/tuning/kept_finding.h"
+#include "runtime/tuning/stored_finding.h"
 
 namespace vsplat {
 namespace {
@@ -96,7 +96,7 @@ std::string subject_of(MatrixUnit unit) { return fmt::format("matrix units 1 {}"
 std::optional<std::string> remembered(const DeviceInfo& device, MatrixUnit unit) {
   if (environment("VSPLAT_SELFTEST") == "ignore") return std::nullopt;
   try {
-    const auto json = nlohmann::json::parse(kept_finding(kept_finding_path(device, subject_of(unit))).value_or(""));
+    const auto json = nlohmann::json::parse(stored_finding(stored_finding_path(device, subject_of(unit))).value_or(""));
     return json.at("wrong").get<std::string>();
   } catch (const nlohmann::json::exception&) {  // missing, or of another version
     return std::nullopt;
@@ -109,7 +109,7 @@ std::optional<std::string> remembered(const DeviceInfo& device, MatrixUnit unit)
 void remember_unit(const DeviceInfo& device, MatrixUnit unit, const std::string& wrong) {
   const nlohmann::ordered_json json{{"unit", name_of(unit)}, {"wrong", wrong},          {"date", today()},
                                     {"device", device.name}, {"driver", device.driver}, {"kernels", kernels_hash()}};
-  const std::string path = kept_finding_path(device, subject_of(unit));
+  const std::string path = stored_finding_path(device, subject_of(unit));
   if (path.empty()) return;
   try {
     keep_finding(path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");

@@ -150,7 +150,7 @@ TuningTable read_tuning(const std::string& path);
 // Writes the whole table or nothing. Error(file).
 void write_tuning(const std::string& path, const TuningTable& table);
 // Before a table is replaced, a copy of it is stored beside it, named by its hash: the path of that copy.
-std::string kept_tuning_path(const std::string& hash);
+std::string stored_tuning_path(const std::string& hash);
 
 // The tuning of a device's contexts: $VSPLAT_TUNING, which is a table's path or "off", else the table in the cache
 // folder, if there is one. Error(usage) if the named table is for another device, driver or other kernels; a damaged

@@ -157,7 +157,7 @@ std::string tuning_path(const TuningSubject& of) {
          ".json";
 }
 
-std::string kept_tuning_path(const std::string& hash) {
+std::string stored_tuning_path(const std::string& hash) {
   const std::string folder = folder_of_tables();
   return folder.empty() ? "" : folder + "/table-" + hash + ".json";
 }

@@ -15,8 +15,8 @@
 #include "runtime/option.h"
 #include "runtime/program.h"
 #include "runtime/system/environment.h"
-#include "runtime/tuning/kept_finding.h"
-#include "runtime/tuning/kept_verdicts.h"
+#include "runtime/tuning/stored_finding.h"
+#include "runtime/tuning/stored_verdicts.h"
 
 namespace vsplat {
 namespace {
@@ -32,18 +32,18 @@ std::string hash_of_all() {
 }
 
 // Verdicts have a folder of their own, for `report` and for people.
-std::string verdict_path(const DeviceInfo& device) { return kept_finding_path(device, "verdict 1", "verdicts"); }
+std::string verdict_path(const DeviceInfo& device) { return stored_finding_path(device, "verdict 1", "verdicts"); }
 
 // Warns once: a device is queried several times.
 void warn_once(const std::string& text) {
   static std::mutex mutex;
-  static auto& told = *new std::set<std::string>;  // never destroyed: jobs may run until the process ends
+  static auto& printed = *new std::set<std::string>;  // never destroyed: jobs may run until the process ends
   const std::lock_guard lock(mutex);
-  if (told.insert(text).second) warn("{}", text);
+  if (printed.insert(text).second) warn("{}", text);
 }
 
-nlohmann::json kept_verdict(const std::string& path) {
-  const std::optional<std::string> text = kept_finding(path);
+nlohmann::json stored_verdict(const std::string& path) {
+  const std::optional<std::string> text = stored_finding(path);
   if (!text) return nullptr;
   nlohmann::json out = nlohmann::json::parse(*text, nullptr, false);
   if (!out.is_object()) fail(Status::format, "{}: is damaged", path);
@@ -102,7 +102,7 @@ std::string kernels_hash() {
 
 std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   try {
-    const nlohmann::json json = kept_verdict(verdict_path(device));
+    const nlohmann::json json = stored_verdict(verdict_path(device));
     if (json.is_null()) return std::nullopt;
     return verdict_in(json);
   } catch (const nlohmann::json::exception&) {  // written by another version
@@ -114,8 +114,8 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   }
 }
 
-std::vector<KeptVerdict> kept_verdicts() {
-  std::vector<KeptVerdict> out;
+std::vector<StoredVerdict> stored_verdicts() {
+  std::vector<StoredVerdict> out;
   const DiskCache cache;
   if (!cache.enabled() || !keeps_findings()) return out;
   std::vector<std::string> paths;
@@ -126,7 +126,7 @@ std::vector<KeptVerdict> kept_verdicts() {
   std::sort(paths.begin(), paths.end());
   for (const std::string& path : paths) {
     try {
-      const nlohmann::json json = kept_verdict(path);
+      const nlohmann::json json = stored_verdict(path);
       if (json.at("kernels") == kernels_hash() && json.value("limits", "") == environment("VSPLAT_LIMITS"))
         out.push_back({json.at("device"), json.at("driver"), verdict_in(json)});
     } catch (const std::exception& e) {  // unreadable, so its device is unknown; reported when that device is opened

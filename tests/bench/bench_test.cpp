@@ -182,15 +182,15 @@ TEST(Bench, SaysHowLongItWillTake) {
   bench::Options options;
   options.suites = {"scan"};
   options.seconds = 0.01;
-  std::vector<std::pair<std::string, double>> told;
-  options.on_progress = [&](const bench::CaseProgress& p) { told.emplace_back(p.doing, p.left_s); };
+  std::vector<std::pair<std::string, double>> reported;
+  options.on_progress = [&](const bench::CaseProgress& p) { reported.emplace_back(p.doing, p.left_s); };
   bench::run(test::context(Flavour::cpu), options);
-  ASSERT_GE(told.size(), 7u);
-  EXPECT_EQ(told[0].first, "checking");  // the operation's case of the self-test
-  EXPECT_EQ(told[1].first, "preparing");
-  EXPECT_LT(told[1].second, 0);
-  EXPECT_EQ(told[5].first, "run 2");
-  EXPECT_GT(told[5].second, 0);
+  ASSERT_GE(reported.size(), 7u);
+  EXPECT_EQ(reported[0].first, "checking");  // the operation's case of the self-test
+  EXPECT_EQ(reported[1].first, "preparing");
+  EXPECT_LT(reported[1].second, 0);
+  EXPECT_EQ(reported[5].first, "run 2");
+  EXPECT_GT(reported[5].second, 0);
 }
 
 // Every layer is checked at sampled outputs; a stage's limit is the minimum time of its kernels.

@@ -59,10 +59,10 @@ class Bench(support.Case):
         return {"PATH": folder + os.pathsep + os.environ["PATH"]}
 
     def test_the_network_in_pytorch(self):
-        told = self.path("told")
-        says = f"echo a warning >&2; echo $* >{told}; echo '{json.dumps({'version': '9.9', 'fp32': 0.5, 'bf16': 0.25})}'"
+        output = self.path("output")
+        says = f"echo a warning >&2; echo $* >{output}; echo '{json.dumps({'version': '9.9', 'fp32': 0.5, 'bf16': 0.25})}'"
         out, _ = self.succeeds(*self.RUN, "--references", "--json", env=self.python(says))
-        self.assertRegex(pathlib.Path(told).read_text(), r"/pytorch_forward\.py tiny [1-9]\d* 0\.05")
+        self.assertRegex(pathlib.Path(output).read_text(), r"/pytorch_forward\.py tiny [1-9]\d* 0\.05")
         reference = json.loads(out)["results"][0]["reference"]
         self.assertEqual({k: v for k, v in reference.items() if "PyTorch" in k}, {"PyTorch 9.9 fp32": 0.5, "PyTorch 9.9 bf16": 0.25})
         out, err = self.succeeds(*self.RUN, "--references", "--json", env=self.python("echo No module named torch; exit 1"))

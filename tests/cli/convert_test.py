@@ -94,19 +94,19 @@ class Convert(support.Case):
 
     def convert(self, *arguments, output="out.ply"):
         """Returns what --json tells, and the rows of the output."""
-        told = json.loads(self.succeeds("convert", self.scene, *arguments, self.path(output), "--json", "--overwrite")[0])
-        return told, read_rows(self.path(output)) if output == "out.ply" else None
+        result = json.loads(self.succeeds("convert", self.scene, *arguments, self.path(output), "--json", "--overwrite")[0])
+        return result, read_rows(self.path(output)) if output == "out.ply" else None
 
     def middles(self, rows):
         return [(row["x"], row["y"], row["z"]) for row in rows]
 
     def test_nothing_asked_for_keeps_every_value(self):
-        told, (_, rows) = self.convert()
-        self.assertEqual((told["format"], told["gaussians"], told["sh_degree"], told["mirrored"]), ("ply", 150, 1, False))
+        result, (_, rows) = self.convert()
+        self.assertEqual((result["format"], result["gaussians"], result["sh_degree"], result["mirrored"]), ("ply", 150, 1, False))
         for before, after in zip(self.rows, rows, strict=True):
             for name in WHOLE:
                 self.assertAlmostEqual(before[name], after[name], delta=2e-6 * max(1, abs(before[name])), msg=name)
-        self.assertNotIn("lost", told)
+        self.assertNotIn("lost", result)
 
     def test_axes(self):
         """By hand for one change of either hand: places, ellipsoids and the linear band, which is (-y, z, -x)."""
@@ -115,8 +115,8 @@ class Convert(support.Case):
 
         for to, at, sign, mirrored in (("RUB", (0, 1, 2), (1, -1, -1), False), ("RFU", (0, 2, 1), (1, 1, -1), False), ("RUF", (0, 1, 2), (1, -1, 1), True)):
             with self.subTest(to=to):
-                told, (comments, rows) = self.convert("--from", "rdf", "--to", to)
-                self.assertEqual(told["mirrored"], mirrored)
+                result, (comments, rows) = self.convert("--from", "rdf", "--to", to)
+                self.assertEqual(result["mirrored"], mirrored)
                 for before, after in zip(self.rows, rows, strict=True):
                     for a, b in zip(turned(sign, at, [before[c] for c in "xyz"]), (after[c] for c in "xyz")):
                         self.assertAlmostEqual(a, b, places=6)
@@ -155,13 +155,13 @@ class Convert(support.Case):
         for arguments, stays, name in ((("--crop-box", "-0.2,-0.2,-0.2,0.3,0.4,0.1"), inside, "outside_box"), (("--crop-sphere", "0.1,0,0,0.3"), near, "outside_sphere"),
                                        (("--min-opacity", 0.5), opaque, "below_opacity"), (("--max-size", 0.08), small, "above_size")):
             with self.subTest(name=name):
-                told, (_, rows) = self.convert(*arguments, "--to", "RDF")
+                result, (_, rows) = self.convert(*arguments, "--to", "RDF")
                 expected = [row for row in self.rows if stays(row)]
                 self.assertTrue(0 < len(expected) < 150)
                 self.assertEqual(self.middles(rows), self.middles(expected))
-                self.assertEqual((told["removed"][name], told["gaussians"]), (150 - len(expected), len(expected)))
-        told, (_, rows) = self.convert("--sh", 0)
-        self.assertEqual((told["sh_degree"], "f_rest_0" in rows[0]), (0, False))
+                self.assertEqual((result["removed"][name], result["gaussians"]), (150 - len(expected), len(expected)))
+        result, (_, rows) = self.convert("--sh", 0)
+        self.assertEqual((result["sh_degree"], "f_rest_0" in rows[0]), (0, False))
         self.assertEqual(self.convert("--sh", 3)[0]["sh_degree"], 1)
         for wrong in (("--crop-box", "1,2,3"), ("--crop-box", "1,0,0,0,1,1"), ("--crop-sphere", "0,0,0,0"), ("--min-opacity", "2"), ("--max-size", "-1"), ("--sh", "5"),
                       ("--sh", "1.5"), ("--max-gaussians", "0"), ("--scale", "0"), ("--translate", "1,2")):
@@ -173,8 +173,8 @@ class Convert(support.Case):
                    (0.2, 0.5, 0.9), 0.08, 0.99) for i in range(1, 80)]
         hidden = [((0.02 * i - 0.1, 0.01, 0), (1, 0, 0), 0.01, 0.9) for i in range(10)]
         support.write_scene(self.scene, [*hidden[:5], *splats, *hidden[5:]])
-        told, (_, rows) = self.convert("--max-gaussians", 79)
-        self.assertEqual((told["gaussians"], told["removed"]["least_visible"]), (79, 10))
+        result, (_, rows) = self.convert("--max-gaussians", 79)
+        self.assertEqual((result["gaussians"], result["removed"]["least_visible"]), (79, 10))
         self.assertEqual([round(row["y"], 4) for row in rows], [round(at[1], 4) for at, *_ in splats])
         self.assertEqual(self.convert("--max-gaussians", 89)[0]["removed"]["least_visible"], 0)
 
@@ -182,14 +182,14 @@ class Convert(support.Case):
         draw = random.Random(2)
         splats = [(tuple(draw.uniform(-0.2, 0.2) for _ in range(3)), (0.5, 0.5, 0.5), 0.02, 0.9) for _ in range(300)]
         support.write_scene(self.scene, [*splats, ((5, 0, 0), (1, 0, 0), 0.02, 0.9), ((0, -7, 1), (1, 0, 0), 0.02, 0.9)])
-        told, (_, rows) = self.convert("--remove-floaters")
-        self.assertEqual((told["removed"]["floaters"], len(rows)), (2, 300))
+        result, (_, rows) = self.convert("--remove-floaters")
+        self.assertEqual((result["removed"]["floaters"], len(rows)), (2, 300))
         self.assertLess(max(abs(row["x"]) for row in rows), 0.3)
 
     def test_several_become_one(self):
         other = write_whole(self.path("other.ply"), 40, 9, (2, 0, 0))
-        told = json.loads(self.succeeds("convert", self.scene, self.path("other.ply"), "--output", self.path("both.ply"), "--json")[0])
-        self.assertEqual(told["gaussians"], 190)
+        result = json.loads(self.succeeds("convert", self.scene, self.path("other.ply"), "--output", self.path("both.ply"), "--json")[0])
+        self.assertEqual(result["gaussians"], 190)
         self.assertEqual(self.middles(read_rows(self.path("both.ply"))[1]), self.middles(self.rows + other))
         self.refuses(1, "exists", "convert", self.scene, self.path("other.ply"))
         self.refuses(2, "OUT", "convert", self.scene)
@@ -200,32 +200,32 @@ class Convert(support.Case):
             self.refuses(2, ["--spz-version", name], "convert", self.scene, "--spz-version", 2, self.path(name))
 
     def test_verification(self):
-        told, _ = self.convert("--verify")
-        self.assertEqual((told["verification"]["psnr"], told["verification"]["pictures"], told["verification"]["limit"]), (None, 8, 30))
-        self.assertEqual(told["verification"]["difference"]["positions"]["largest"], 0)
+        result, _ = self.convert("--verify")
+        self.assertEqual((result["verification"]["psnr"], result["verification"]["pictures"], result["verification"]["limit"]), (None, 8, 30))
+        self.assertEqual(result["verification"]["difference"]["positions"]["largest"], 0)
         for version in (2, 3, 4):
-            told, _ = self.convert("--verify=35", "--spz-version", version, output="out.spz")
-            check = told["verification"]
+            result, _ = self.convert("--verify=35", "--spz-version", version, output="out.spz")
+            check = result["verification"]
             self.assertGreater(check["psnr"], 35)
             self.assertGreaterEqual(check["psnr"], check["worst"])
             self.assertTrue(check["in_order"])
             self.assertTrue(0 < check["difference"]["positions"]["rms"] <= check["difference"]["positions"]["largest"] < 1e-3)
             self.assertTrue(0 < check["difference"]["opacities"]["largest"] < 0.01)
-            self.assertTrue(told["lost"])
+            self.assertTrue(result["lost"])
         # Reductions count: they are compared with what was there before.
-        told, _ = self.convert("--verify=5", "--max-gaussians", 60, "--sh", 0)
-        self.assertTrue(5 < told["verification"]["psnr"] < 35)
-        self.assertEqual(told["verification"]["difference"]["sh"]["largest"], 0)  # of what was written, in a PLY
+        result, _ = self.convert("--verify=5", "--max-gaussians", 60, "--sh", 0)
+        self.assertTrue(5 < result["verification"]["psnr"] < 35)
+        self.assertEqual(result["verification"]["difference"]["sh"]["largest"], 0)  # of what was written, in a PLY
         # The figures are those that a reader finds.
         self.succeeds("convert", self.path("out.spz"), self.path("back.ply"))
         furthest = max(math.dist(a, b) for a, b in zip(self.middles(self.rows), self.middles(read_rows(self.path("back.ply"))[1])))
         self.assertAlmostEqual(furthest, check["difference"]["positions"]["largest"], delta=1e-7)
-        told, _ = self.convert("--verify=20", output="out.compressed.ply")  # in another order
-        self.assertLess(told["verification"]["difference"]["positions"]["largest"], 0.01)
+        result, _ = self.convert("--verify=20", output="out.compressed.ply")  # in another order
+        self.assertLess(result["verification"]["difference"]["positions"]["largest"], 0.01)
 
     def test_a_page(self):
-        told, _ = self.convert("--verify=35", output="page.html")
-        self.assertEqual((told["format"], told["viewer"], os.listdir(self.folder).count("page.ply")), ("html", self.path("page.html"), 0))
+        result, _ = self.convert("--verify=35", output="page.html")
+        self.assertEqual((result["format"], result["viewer"], os.listdir(self.folder).count("page.ply")), ("html", self.path("page.html"), 0))
         self.assertIn("<html", pathlib.Path(self.path("page.html")).read_text())
         self.convert("--viewer", self.path("beside.html"))
         self.assertTrue(os.path.getsize(self.path("beside.html")) > 10000 and os.path.exists(self.path("out.ply")))
@@ -262,14 +262,14 @@ class Info(support.Case):
 
     def test_what_a_file_holds(self):
         rows = write_whole(self.path("scene.ply"), comments=("vsplat up 0 0 1", "vsplat near 0.5"))
-        told = self.info("scene.ply")
-        self.assertEqual((told["format"], told["version"], told["bytes"]), ("ply", "binary_little_endian 1.0", os.path.getsize(self.path("scene.ply"))))
-        self.assertEqual((told["gaussians"], told["kind"], told["sh_degree"], told["up"], told["near"]), (150, "volumes", 1, [0, 0, 1], 0.5))
-        self.assertEqual(told["bounds"]["low"], [min(row[c] for row in rows) for c in "xyz"])
-        self.assertEqual(told["bounds"]["high_99"], [sorted(row[c] for row in rows)[148] for c in "xyz"])
-        self.assertAlmostEqual(told["shares"]["transparent"], sum(row["opacity"] < math.log(0.1 / 0.9) for row in rows) / 150)
-        self.assertEqual(told["memory"]["gaussians"], 150 * 4 * (3 + 3 + 4 + 1 + 12))
-        self.assertGreater(told["memory"]["drawing"], told["memory"]["gaussians"])
+        result = self.info("scene.ply")
+        self.assertEqual((result["format"], result["version"], result["bytes"]), ("ply", "binary_little_endian 1.0", os.path.getsize(self.path("scene.ply"))))
+        self.assertEqual((result["gaussians"], result["kind"], result["sh_degree"], result["up"], result["near"]), (150, "volumes", 1, [0, 0, 1], 0.5))
+        self.assertEqual(result["bounds"]["low"], [min(row[c] for row in rows) for c in "xyz"])
+        self.assertEqual(result["bounds"]["high_99"], [sorted(row[c] for row in rows)[148] for c in "xyz"])
+        self.assertAlmostEqual(result["shares"]["transparent"], sum(row["opacity"] < math.log(0.1 / 0.9) for row in rows) / 150)
+        self.assertEqual(result["memory"]["gaussians"], 150 * 4 * (3 + 3 + 4 + 1 + 12))
+        self.assertGreater(result["memory"]["drawing"], result["memory"]["gaussians"])
         out, _ = self.succeeds("info", self.path("scene.ply"))
         for words in ("3DGS PLY, binary_little_endian 1.0", "Gaussians      150", "opacity below 1/255", "1280 x 720"):
             self.assertIn(words, out)
@@ -279,9 +279,9 @@ class Info(support.Case):
         for name, format, version in (("a.spz", "spz", "version 4"), ("b.spz", "spz", "version 2"), ("a.compressed.ply", "compressed-ply", "binary_little_endian 1.0"),
                                       ("a.splat", "splat", None)):
             self.succeeds("convert", self.path("scene.ply"), *(("--spz-version", 2) if name == "b.spz" else ()), self.path(name))
-            told = self.info(name)
-            self.assertEqual((told["format"], told["version"], told["gaussians"]), (format, version, 150), name)
-            self.assertEqual(told["axes"], "RUB" if format == "spz" else None)
+            result = self.info(name)
+            self.assertEqual((result["format"], result["version"], result["gaussians"]), (format, version, 150), name)
+            self.assertEqual(result["axes"], "RUB" if format == "spz" else None)
 
     def test_what_is_bad_is_counted(self):
         write_whole(self.path("scene.ply"))
@@ -291,15 +291,15 @@ class Info(support.Case):
         data[begin:begin + 4] = struct.pack("<f", math.nan)
         data[begin + 2 * size - 16:begin + 2 * size] = bytes(16)  # a rotation of length 0
         pathlib.Path(self.path("scene.ply")).write_bytes(data)
-        told = self.info("scene.ply")
-        self.assertEqual((told["gaussians"], told["bad"]), (148, {"not_finite": 1, "huge_scale": 0, "zero_rotation": 1}))
-        self.assertAlmostEqual(told["shares"]["bad"], 2 / 150)
+        result = self.info("scene.ply")
+        self.assertEqual((result["gaussians"], result["bad"]), (148, {"not_finite": 1, "huge_scale": 0, "zero_rotation": 1}))
+        self.assertAlmostEqual(result["shares"]["bad"], 2 / 150)
 
     def test_picture(self):
         support.write_scene(self.path("red.ply"), [((0.1 * i, 0, 0), (1, 0, 0), 0.1, 0.99) for i in range(5)])
-        told = self.info("red.ply", "--picture", self.path("small.png"))
+        result = self.info("red.ply", "--picture", self.path("small.png"))
         width, height, pixels = support.read_png(self.path("small.png"))
-        self.assertEqual((told["picture"], width, height), (self.path("small.png"), 384, 384))
+        self.assertEqual((result["picture"], width, height), (self.path("small.png"), 384, 384))
         middle = 3 * (height // 2 * width + width // 2)
         self.assertGreater(pixels[middle], 240)
         self.assertLess(pixels[middle + 1], 30)

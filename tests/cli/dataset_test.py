@@ -24,9 +24,9 @@ class Dataset(support.Case):
     def test_a_folder_for_each_mesh(self):
         meshes = [self.mesh("a", "model.obj"), self.mesh("b", "model.obj"), self.mesh("c.obj")]
         out, _ = self.succeeds(*self.render(*meshes, "--json"))
-        told = json.loads(out)
-        self.assertEqual([o["name"] for o in told["objects"]], ["a", "b", "c"])
-        self.assertEqual([o["triangles"] for o in told["objects"]], [4] * 3)
+        result = json.loads(out)
+        self.assertEqual([o["name"] for o in result["objects"]], ["a", "b", "c"])
+        self.assertEqual([o["triangles"] for o in result["objects"]], [4] * 3)
         for name in "abc":
             self.assertEqual(sorted(os.listdir(self.path("set", name))), ["images", "transforms.json"])
             self.assertEqual(sorted(os.listdir(self.path("set", name, "images"))), ["0000.png", "0001.png", "0002.png"])
@@ -82,9 +82,9 @@ class Dataset(support.Case):
 
     def test_info_tells_what_a_set_holds(self):
         self.succeeds(*self.render(self.mesh("cup.obj"), self.mesh("dish.obj")))
-        told, _ = self.info(self.path("set"), "--sheet", self.path("sheet.png"))
-        self.assertEqual((told["views"], told["bad"], [o["name"] for o in told["objects"]]), (6, 0, ["cup", "dish"]))
-        cup = told["objects"][0]
+        result, _ = self.info(self.path("set"), "--sheet", self.path("sheet.png"))
+        self.assertEqual((result["views"], result["bad"], [o["name"] for o in result["objects"]]), (6, 0, ["cup", "dish"]))
+        cup = result["objects"][0]
         self.assertEqual((cup["layout"], cup["path"], cup["views"], cup["pictures"], cup["bad"]), ("folder", self.path("set", "cup"), 3, 3, []))
         self.assertEqual((cup["width"], cup["height"], cup["center"], cup["scale"]), ([16, 16], [16, 16], [0, 0, 0], 1))
         for angle in cup["fov"]:
@@ -103,16 +103,16 @@ class Dataset(support.Case):
         os.remove(self.path("set", "cup", "images", "0004.png"))
         pathlib.Path(self.path("set", "cup", "images", "0001.png")).write_bytes(b"no picture")
         pathlib.Path(self.path("set", "dish", "transforms.json")).write_text("{")
-        told, err = self.info(self.path("set"), "--check", "--sheet", self.path("sheet.png"), code=1)
-        self.assertEqual((told["views"], told["bad"]), (7, 3))
-        self.assertIn("0001.png", told["objects"][0]["bad"][0])
-        self.assertIn("0004.png", told["objects"][0]["bad"][1])
-        self.assertIn("object dish", told["objects"][1]["bad"][0])
+        result, err = self.info(self.path("set"), "--check", "--sheet", self.path("sheet.png"), code=1)
+        self.assertEqual((result["views"], result["bad"]), (7, 3))
+        self.assertIn("0001.png", result["objects"][0]["bad"][0])
+        self.assertIn("0004.png", result["objects"][0]["bad"][1])
+        self.assertIn("object dish", result["objects"][1]["bad"][0])
         for words in ("object cup: view 4", "object dish", self.path("set") + ": 3 bad"):
             self.assertIn(words, err)
         self.assertTrue(os.path.exists(self.path("sheet.png")))
 
-    def test_each_missing_picture_is_told_of_itself(self):
+    def test_each_missing_picture_is_reported(self):
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 8, "--size", 16, "--seed", 3)
         for name in ("0002.png", "0005.png"):
             os.remove(self.path("set", "solid_0000", "images", name))

@@ -39,17 +39,17 @@ class Doctor(support.Case):
         """Returns exit code, JSON, and the text output; both come from separate runs, which agree."""
         env = {"OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": "", "VSPLAT_DEVICE": "", **env}
         code, out, err = support.run("doctor", "--json", *more, env=env)
-        told = json.loads(out)
+        result = json.loads(out)
         again, text, _ = support.run("doctor", *more, env=env)
         self.assertEqual(again, code)
-        self.assertEqual(code, 1 if told["findings"] else 0, err)
-        if told["findings"]:
+        self.assertEqual(code, 1 if result["findings"] else 0, err)
+        if result["findings"]:
             self.assertRegex(err, r"\d+ things? (is|are) wrong")
-        for finding in told["findings"]:
+        for finding in result["findings"]:
             self.assertIn(finding["found"], text)
             self.assertIn(finding["mend"], text)
             self.assertTrue(finding["mend"] and finding["about"])
-        return code, told, text
+        return code, result, text
 
     def wait_until(self, done, seconds=60):
         until = time.time() + seconds
@@ -76,39 +76,39 @@ class Doctor(support.Case):
         for path in sorted(glob.glob(USUAL + "/*.icd")):
             line = pathlib.Path(path).read_text()
             copy = self.entry("whole.icd", line)
-            _, told, _ = self.doctor()
-            if told["devices"]:
-                return told["devices"]
+            _, result, _ = self.doctor()
+            if result["devices"]:
+                return result["devices"]
             os.remove(copy)
         self.skipTest("no driver here that gives a device without the variables of the environment")
 
-    def finding(self, told, kind, about=None):
-        found = [f for f in told["findings"] if f["kind"] == kind and about in (None, f["about"])]
-        self.assertEqual(len(found), 1, told["findings"])
+    def finding(self, result, kind, about=None):
+        found = [f for f in result["findings"] if f["kind"] == kind and about in (None, f["about"])]
+        self.assertEqual(len(found), 1, result["findings"])
         return found[0]
 
     def test_nothing_is_wrong(self):
         devices = self.whole_entry()
-        code, told, text = self.doctor()
-        self.assertEqual((code, told["findings"], told["usable"]), (0, [], True), text)
+        code, result, text = self.doctor()
+        self.assertEqual((code, result["findings"], result["usable"]), (0, [], True), text)
         self.assertIn("Nothing is wrong", text)
         listed = json.loads(self.succeeds("devices", "--json", env={"OCL_ICD_VENDORS": self.path("vendors")})[0])
         self.assertEqual([(d["index"], d["platform"], d["device"], d["type"], d["name"], d["driver"], d["memory"]) for d in listed],
                          [(d["index"], d["platform"], d["device"], d["type"], d["name"], d["driver"], d["memory"]) for d in devices])
-        self.assertEqual([d["state"] for d in told["drivers"]], ["loaded"])
+        self.assertEqual([d["state"] for d in result["drivers"]], ["loaded"])
 
     def test_no_entry(self):
-        code, told, _ = self.doctor()
-        self.assertEqual((code, told["usable"], told["devices"]), (1, False, []))
-        found = self.finding(told, "no_entry", self.path("vendors"))
+        code, result, _ = self.doctor()
+        self.assertEqual((code, result["usable"], result["devices"]), (1, False, []))
+        found = self.finding(result, "no_entry", self.path("vendors"))
         self.assertIn("holds no entry", found["found"])
         self.assertRegex(found["mend"], r"install a driver|write the line `/\S+` into \S+\.icd")
 
     def test_a_variable_that_points_nowhere(self):
         for place in (self.path("nowhere"), self.path("nowhere.icd"), "/nowhere/at/all"):
-            code, told, text = self.doctor(OCL_ICD_VENDORS=place)
-            self.assertEqual((code, told["usable"]), (1, False))
-            found = self.finding(told, "variable_names_nothing", "OCL_ICD_VENDORS")
+            code, result, text = self.doctor(OCL_ICD_VENDORS=place)
+            self.assertEqual((code, result["usable"]), (1, False))
+            found = self.finding(result, "variable_names_nothing", "OCL_ICD_VENDORS")
             self.assertIn(f"OCL_ICD_VENDORS={place} is not there", found["found"])
             self.assertIn("`unset OCL_ICD_VENDORS`", found["mend"])
             self.assertIn("device   none", text)
@@ -116,16 +116,16 @@ class Doctor(support.Case):
     def test_an_entry_whose_library_is_missing(self):
         devices = self.whole_entry()
         entry = self.entry("gone.icd", "/opt/gone/libgone.so.1\n")
-        code, told, _ = self.doctor()
-        found = self.finding(told, "library_missing", entry)
+        code, result, _ = self.doctor()
+        found = self.finding(result, "library_missing", entry)
         self.assertIn('"/opt/gone/libgone.so.1", which is not there', found["found"])
         self.assertIn(f"mv {entry} {entry}.off", found["mend"])
-        self.assertEqual((code, told["devices"]), (1, devices), "the other driver is still looked at")
+        self.assertEqual((code, result["devices"]), (1, devices), "the other driver is still looked at")
         # If a library of that name exists elsewhere, the remedy says where.
         os.mkdir(self.path("elsewhere"))
         there = self.library("elsewhere/libgone.so.1", "int gone;")
-        _, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("elsewhere"))
-        self.assertIn(f"it is at {there}: write that line into {entry}", self.finding(told, "library_missing")["mend"])
+        _, result, _ = self.doctor(LD_LIBRARY_PATH=self.path("elsewhere"))
+        self.assertIn(f"it is at {there}: write that line into {entry}", self.finding(result, "library_missing")["mend"])
 
     def test_a_dependency_that_is_missing(self):
         self.library("libneeded.so.7", "int needed(void) { return 7; }", "-Wl,-soname,libneeded.so.7")
@@ -133,32 +133,32 @@ class Doctor(support.Case):
         entry = self.entry("needs.icd", library + "\n")
         os.mkdir(self.path("aside"))
         os.rename(self.path("libneeded.so.7"), self.path("aside", "libneeded.so.7"))
-        _, told, _ = self.doctor()
-        found = self.finding(told, "dependency_missing", entry)
+        _, result, _ = self.doctor()
+        found = self.finding(result, "dependency_missing", entry)
         self.assertIn('needs "libneeded.so.7": that is not there', found["found"])
         self.assertIn("libneeded.so.7", found["mend"])
-        _, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("aside"))
-        found = self.finding(told, "no_driver", entry)                   # it can be loaded now, but is no driver
+        _, result, _ = self.doctor(LD_LIBRARY_PATH=self.path("aside"))
+        found = self.finding(result, "no_driver", entry)                   # it can be loaded now, but is no driver
         self.assertIn("it has no clGetExtensionFunctionAddress", found["found"])
 
     def test_a_library_that_cannot_be_loaded(self):
         pathlib.Path(self.path("libtext.so")).write_text("no library\n")
         entry = self.entry("text.icd", self.path("libtext.so") + "\n")
-        _, told, _ = self.doctor()
-        self.assertRegex(self.finding(told, "library_broken", entry)["found"], r"cannot be loaded: .*(file too short|invalid ELF header)")
+        _, result, _ = self.doctor()
+        self.assertRegex(self.finding(result, "library_broken", entry)["found"], r"cannot be loaded: .*(file too short|invalid ELF header)")
 
     def test_a_library_that_crashes_when_it_is_loaded(self):
         devices = self.whole_entry()
         library = self.library("libcrash.so", '#include <stdio.h>\n#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) {\n'
                                '  fputs("crash: not on this machine\\n", stderr);\n  abort();\n}\n')
         entry = self.entry("crash.icd", library + "\n")
-        code, told, text = self.doctor()
-        found = self.finding(told, "driver_crashes", entry)
+        code, result, text = self.doctor()
+        found = self.finding(result, "driver_crashes", entry)
         for words in (library, "crashes when it is loaded", "signal 6", "crash: not on this machine"):
             self.assertIn(words, found["found"])
         self.assertIn(f"mv {entry} {entry}.off", found["mend"])
-        self.assertEqual((code, told["usable"]), (1, False), "a program loads all of them, and ends with that one")
-        whole = [d for d in told["drivers"] if d["entry"] == self.path("vendors", "whole.icd")]
+        self.assertEqual((code, result["usable"]), (1, False), "a program loads all of them, and ends with that one")
+        whole = [d for d in result["drivers"] if d["entry"] == self.path("vendors", "whole.icd")]
         self.assertEqual([d["name"] for p in whole[0]["platforms"] for d in p["devices"]], [d["name"] for d in devices])
         self.assertIn("crash.icd", text)
         os.rename(entry, entry + ".off")                                 # the remedy
@@ -167,8 +167,8 @@ class Doctor(support.Case):
     def test_a_library_that_hangs_when_it_is_loaded(self):
         library = self.library("libhang.so", "#include <unistd.h>\n__attribute__((constructor)) static void begin(void) {\n  for (;;) pause();\n}\n")
         entry = self.entry("hang.icd", library + "\n")
-        _, told, _ = self.doctor("--seconds", 1)
-        self.assertIn("hangs when it is loaded (not done after 1 s)", self.finding(told, "driver_hangs", entry)["found"])
+        _, result, _ = self.doctor("--seconds", 1)
+        self.assertIn("hangs when it is loaded (not done after 1 s)", self.finding(result, "driver_hangs", entry)["found"])
         # A user who does not want to wait can interrupt it.
         doctor = subprocess.Popen([support.VSPLAT, "doctor", "--seconds", "100"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                   env={**os.environ, "OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": ""})
@@ -184,50 +184,50 @@ class Doctor(support.Case):
         quits = self.entry("quits.icd", self.library("libquits.so", "#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) {\n  exit(4);\n}\n") + "\n")
         before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)                    # inherited by the programs that it starts
         try:
-            with open(self.path("told.json"), "w") as out:
+            with open(self.path("output.json"), "w") as out:
                 doctor = subprocess.Popen([support.VSPLAT, "doctor", "--json", "--seconds", "30"], stdout=out, stderr=subprocess.DEVNULL, restore_signals=False,
                                           env={**os.environ, "OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": "", "VSPLAT_DEVICE": ""})
                 doctor.wait(support.PATIENCE)
         finally:
             signal.signal(signal.SIGCHLD, before)
-        told = json.loads(pathlib.Path(self.path("told.json")).read_text())
-        self.assertIn("crashes when it is loaded", self.finding(told, "driver_crashes", quits)["found"])
-        whole = next(d for d in told["drivers"] if d["entry"] != quits)
+        result = json.loads(pathlib.Path(self.path("output.json")).read_text())
+        self.assertIn("crashes when it is loaded", self.finding(result, "driver_crashes", quits)["found"])
+        whole = next(d for d in result["drivers"] if d["entry"] != quits)
         self.assertEqual((whole["state"], sum(len(p["devices"]) for p in whole["platforms"])), ("loaded", len(devices)))
 
     def test_a_driver_that_ends_when_it_is_asked(self):
         library = self.library("libquits.so", '#include <stdlib.h>\nint ids(unsigned n, void** out, unsigned* count) { exit(4); }\n'
                                'void* clGetExtensionFunctionAddress(const char* name) { return (void*)ids; }\n')
         entry = self.entry("quits.icd", library + "\n")
-        _, told, _ = self.doctor()
-        self.assertIn("crashes when it is asked for its platforms (exit code 4)", self.finding(told, "driver_crashes", entry)["found"])
+        _, result, _ = self.doctor()
+        self.assertIn("crashes when it is asked for its platforms (exit code 4)", self.finding(result, "driver_crashes", entry)["found"])
 
     def test_wrong_entries(self):
         empty, windows = self.entry("empty.icd", ""), self.entry("windows.icd", "libOpenCL.so.1\r\n")
-        _, told, _ = self.doctor()
-        self.assertIn("is empty", self.finding(told, "entry_wrong", empty)["found"])
-        self.assertIn("carriage return", self.finding(told, "entry_wrong", windows)["found"])
-        self.assertIn("`libOpenCL.so.1`", self.finding(told, "entry_wrong", windows)["mend"])
+        _, result, _ = self.doctor()
+        self.assertIn("is empty", self.finding(result, "entry_wrong", empty)["found"])
+        self.assertIn("carriage return", self.finding(result, "entry_wrong", windows)["found"])
+        self.assertIn("`libOpenCL.so.1`", self.finding(result, "entry_wrong", windows)["mend"])
 
     def test_a_driver_without_an_entry(self):
         devices = self.whole_entry()
         os.mkdir(self.path("driver"))
         library = self.library("driver/libnvidia-opencl.so.1", "int nvidia;")
-        code, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("driver"))
-        found = self.finding(told, "library_without_entry", library)
+        code, result, _ = self.doctor(LD_LIBRARY_PATH=self.path("driver"))
+        found = self.finding(result, "library_without_entry", library)
         entry = self.path("vendors", "nvidia.icd")
         self.assertIn(f"write the line `{library}` into {entry} (`mkdir -p {self.path('vendors')} && echo {library} > {entry}`)", found["mend"])
-        self.assertEqual((code, told["devices"]), (1, devices))
+        self.assertEqual((code, result["devices"]), (1, devices))
         # A GPU's driver without the GPU's device files, as in a container that was not given them.
         if not glob.glob("/dev/nvidia[0-9]*"):
-            found = self.finding(told, "no_gpu_files", "/dev/nvidia0")
+            found = self.finding(result, "no_gpu_files", "/dev/nvidia0")
             self.assertIn("`--gpus all` and `-e NVIDIA_DRIVER_CAPABILITIES=compute,utility`", found["mend"])
         # The remedy works: the entry is examined (and names no driver here).
-        command = re.search(r"`(mkdir [^`]*)`", self.finding(told, "library_without_entry")["mend"]).group(1)
+        command = re.search(r"`(mkdir [^`]*)`", self.finding(result, "library_without_entry")["mend"]).group(1)
         subprocess.run(["sh", "-c", command], check=True)
-        _, told, _ = self.doctor(LD_LIBRARY_PATH=self.path("driver"))
-        self.assertEqual(self.finding(told, "no_driver")["about"], entry)
-        self.assertFalse([f for f in told["findings"] if f["kind"] == "library_without_entry"])
+        _, result, _ = self.doctor(LD_LIBRARY_PATH=self.path("driver"))
+        self.assertEqual(self.finding(result, "no_driver")["about"], entry)
+        self.assertFalse([f for f in result["findings"] if f["kind"] == "library_without_entry"])
 
     def test_a_home_that_cannot_be_written(self):
         devices = self.whole_entry()
@@ -235,31 +235,31 @@ class Doctor(support.Case):
             pass
         home = self.path("file", "home")                                 # root may write anywhere, but not below a file
         unset = {"VSPLAT_CACHE_DIR": "", "POCL_CACHE_DIR": "", "XDG_CACHE_HOME": ""}
-        code, told, _ = self.doctor(HOME=home, **unset)
+        code, result, _ = self.doctor(HOME=home, **unset)
         self.assertEqual(code, 1)
-        found = self.finding(told, "cache_folder", home + "/.cache/vsplat")
+        found = self.finding(result, "cache_folder", home + "/.cache/vsplat")
         self.assertIn("(HOME says so) cannot be written", found["found"])
         self.assertIn("set VSPLAT_CACHE_DIR to a folder that can be written, or HOME to one above it", found["mend"])
         if devices[0]["platform_name"] == "Portable Computing Language":
-            found = self.finding(told, "cache_folder", home + "/.cache/pocl/kcache")
+            found = self.finding(result, "cache_folder", home + "/.cache/pocl/kcache")
             self.assertIn("PoCL gives no device", found["found"])
             self.assertIn("set POCL_CACHE_DIR", found["mend"])
-        code, told, _ = self.doctor(HOME=home, **{**unset, "VSPLAT_CACHE_DIR": self.path("cache"), "POCL_CACHE_DIR": self.path("pocl")})
-        self.assertEqual((code, told["usable"]), (0, True), told["findings"])
+        code, result, _ = self.doctor(HOME=home, **{**unset, "VSPLAT_CACHE_DIR": self.path("cache"), "POCL_CACHE_DIR": self.path("pocl")})
+        self.assertEqual((code, result["usable"]), (0, True), result["findings"])
 
     def test_a_cache_that_others_may_write_to(self):
         self.whole_entry()
         os.mkdir(self.path("cache"))
         os.chmod(self.path("cache"), 0o777)
-        code, told, _ = self.doctor(VSPLAT_CACHE_DIR=self.path("cache"))
+        code, result, _ = self.doctor(VSPLAT_CACHE_DIR=self.path("cache"))
         self.assertEqual(code, 1)
-        self.assertIn("chmod go-w", self.finding(told, "cache_folder", self.path("cache"))["mend"])
+        self.assertIn("chmod go-w", self.finding(result, "cache_folder", self.path("cache"))["mend"])
 
     def test_a_device_that_is_not_there(self):
         self.whole_entry()
-        code, told, _ = self.doctor(VSPLAT_DEVICE="quantum")
+        code, result, _ = self.doctor(VSPLAT_DEVICE="quantum")
         self.assertEqual(code, 1)
-        self.assertIn("VSPLAT_DEVICE=quantum names none of the devices", self.finding(told, "device_not_there")["found"])
+        self.assertIn("VSPLAT_DEVICE=quantum names none of the devices", self.finding(result, "device_not_there")["found"])
 
     def test_a_missing_device_says_where_to_ask(self):
         err = self.refuses(1, "no OpenCL device", "kernels", "--for", "render", "--no-build", env={"OCL_ICD_VENDORS": self.path("vendors")})

@@ -44,7 +44,7 @@ class Pocl(support.Case):
         with open(self.path("out", "0000.png"), "rb") as f:
             return f.read(), err
 
-    def test_damaged_kernels_are_found_told_and_made_anew(self):
+    def test_damaged_kernels_are_found_reported_and_made_anew(self):
         whole, err = self.drawn()
         self.assertEqual(err, "")
         self.assertEqual(self.doctor(), [], "nothing is wrong with what PoCL has just written")
@@ -97,7 +97,7 @@ class Pocl(support.Case):
         for name in ("tempfile_a1B2c3.so", "tempfile_d4E5f6.bc"):
             self.assertTrue(os.path.exists(self.path("kernels", name)), name)
 
-    def test_damage_that_is_not_seen_is_told_when_it_crashes(self):
+    def test_damage_that_is_not_seen_is_reported_when_it_crashes(self):
         """Overwritten code shows no damage before it runs."""
         self.drawn()
         for path in self.files(".so"):

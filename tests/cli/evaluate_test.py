@@ -40,25 +40,25 @@ class Evaluate(support.Case):
 
     def test_json_is_as_agreed(self):
         out, _ = self.succeeds(*self.evaluate("--json"))
-        told = json.loads(out)
-        self.assertEqual(list(told), ["objects", "mean", "tuning", "precision", "switched_off"])
-        self.assertEqual((told["tuning"], told["precision"], told["switched_off"]), (None, "fp32", None))
-        self.assertEqual([o["name"] for o in told["objects"]], ["solid_0000", "solid_0001", "solid_0002"])
-        for row in told["objects"]:
+        result = json.loads(out)
+        self.assertEqual(list(result), ["objects", "mean", "tuning", "precision", "switched_off"])
+        self.assertEqual((result["tuning"], result["precision"], result["switched_off"]), (None, "fp32", None))
+        self.assertEqual([o["name"] for o in result["objects"]], ["solid_0000", "solid_0001", "solid_0002"])
+        for row in result["objects"]:
             self.assertEqual(list(row), ["name"] + NUMBERS)
             self.assertTrue(0 <= row["selected"] <= 1)
-        self.assertEqual(list(told["mean"]), NUMBERS)
+        self.assertEqual(list(result["mean"]), NUMBERS)
         for name in NUMBERS:
-            self.assertAlmostEqual(told["mean"][name], sum(o[name] for o in told["objects"]) / 3, 9)
+            self.assertAlmostEqual(result["mean"][name], sum(o[name] for o in result["objects"]) / 3, 9)
         self.assertEqual(out, self.succeeds(*self.evaluate("--json"))[0])
 
     def test_the_table_has_the_same_numbers(self):
-        told = json.loads(self.succeeds(*self.evaluate("--json"))[0])
+        result = json.loads(self.succeeds(*self.evaluate("--json"))[0])
         out, err = self.succeeds(*self.evaluate())
         lines = [line.split() for line in out.splitlines()]
         self.assertEqual(lines[0], ["object", "PSNR", "coarse", "SSIM", "white", "nearest", "voxels", "%"])
         self.assertEqual([line[0] for line in lines[1:]], ["solid_0000", "solid_0001", "solid_0002", "mean"])
-        for line, row in zip(lines[1:], told["objects"] + [told["mean"]]):
+        for line, row in zip(lines[1:], result["objects"] + [result["mean"]]):
             for text, name in zip(line[1:], NUMBERS):
                 self.assertAlmostEqual(float(text), row[name] * (100 if name == "selected" else 1), delta=0.006)
         self.assertIn("3 objects", err)
@@ -82,13 +82,13 @@ class Evaluate(support.Case):
     def test_small_pictures_have_several_samples(self):
         """A pixel of 11 is more than eight times as wide as one of 112, whatever the distance: eight samples along it, the maximum."""
         self.succeeds("init", "micro", "--seed", 3, "--set", "image=112", "--output", self.path("fine.safetensors"), "--quiet")
-        def told(*more):
+        def result(*more):
             return json.loads(self.succeeds("evaluate", self.set, "--model", self.path("fine.safetensors"), "--json", *more)[0])["objects"]
-        auto = told("--size", 11)
-        self.assertEqual(auto, told("--size", 11, "--supersample", 8))
-        self.assertEqual(auto, told("--size", 11, "--supersample", "auto"))
-        self.assertNotEqual(auto, told("--size", 11, "--supersample", 1))
-        self.assertEqual(told(), told("--supersample", 1))
+        auto = result("--size", 11)
+        self.assertEqual(auto, result("--size", 11, "--supersample", 8))
+        self.assertEqual(auto, result("--size", 11, "--supersample", "auto"))
+        self.assertNotEqual(auto, result("--size", 11, "--supersample", 1))
+        self.assertEqual(result(), result("--supersample", 1))
         self.refuses(2, ["--supersample", "1 to 8"], *self.evaluate("--supersample", 9))
 
     def test_rows_of_a_table(self):
@@ -101,10 +101,10 @@ class Evaluate(support.Case):
         self.assertEqual([line[2] for line in lines[2:]], ["a\\|b", "c,d"] * 2)
         with open(files[1], newline="") as f:
             rows = list(csv.DictReader(f))
-        told = json.load(open(files[2]))["rows"]
+        result = json.load(open(files[2]))["rows"]
         self.assertEqual([row["system"] for row in rows], ["a|b", "c,d"] * 2)
         alone = {"all": (), "one": ("--view-count", 1, "--protocol", "random10", "--seed", 3)}
-        for row, same in zip(rows, told, strict=True):
+        for row, same in zip(rows, result, strict=True):
             mean = json.loads(self.succeeds(*self.evaluate(*alone[row["views"]], "--json"))[0])["mean"]
             self.assertEqual((same["psnr"], same["ssim"]), (mean["psnr"], mean["ssim"]))
             self.assertAlmostEqual(float(row["psnr"]), same["psnr"], delta=0.006)
@@ -112,7 +112,7 @@ class Evaluate(support.Case):
             for number in ("seconds", "gaussians", "memory_mib"):
                 self.assertGreaterEqual(same[number], 0)
             self.assertGreater(same["seconds"], 0)
-        self.assertNotEqual(told[0]["psnr"], told[2]["psnr"])
+        self.assertNotEqual(result[0]["psnr"], result[2]["psnr"])
         self.assertEqual(list(json.loads(self.succeeds(*self.table(views=None), "--json")[0])), ["rows"])
 
     def test_tables_that_cannot_be_made(self):
@@ -146,9 +146,9 @@ class Evaluate(support.Case):
         self.assertNotEqual(first["mean"]["pose_degrees"], noisy["mean"]["pose_degrees"])
         other = self.path("predicts.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--set", "poses=predicted", "--set", "share_ray_layers=1", "--set", "share_match_layers=2", "--output", other)
-        told = json.loads(self.succeeds("evaluate", self.set, "--model", other, *noise)[0])
-        self.assertEqual(list(told["mean"]), NUMBERS + ["pose_degrees", "pose_distance", "ray_degrees", "ray_moment"])
-        for a, b in zip(noisy["objects"], told["objects"]):
+        result = json.loads(self.succeeds("evaluate", self.set, "--model", other, *noise)[0])
+        self.assertEqual(list(result["mean"]), NUMBERS + ["pose_degrees", "pose_distance", "ray_degrees", "ray_moment"])
+        for a, b in zip(noisy["objects"], result["objects"]):
             self.assertEqual((a["pose_degrees"], a["pose_distance"]), (b["pose_degrees"], b["pose_distance"]))
             self.assertGreater(b["ray_degrees"], 1)
         self.refuses(2, "--pose-noise", *self.evaluate("--pose-draws", 2))
@@ -156,13 +156,13 @@ class Evaluate(support.Case):
         self.refuses(2, ["--refine", "--pose-noise"], *self.evaluate("--refine", "--pose-noise", 0.01))
 
     def test_refined(self):
-        told, plain = (json.loads(self.succeeds(*self.evaluate("--size", 32, "--json", *more))[0]) for more in (["--refine"], []))
-        for a, b in zip(told["objects"], plain["objects"]):
+        result, plain = (json.loads(self.succeeds(*self.evaluate("--size", 32, "--json", *more))[0]) for more in (["--refine"], []))
+        for a, b in zip(result["objects"], plain["objects"]):
             self.assertNotEqual(a["psnr"], b["psnr"])
             for name in ("psnr_coarse", "psnr_white", "psnr_nearest", "selected"):
                 self.assertEqual(a[name], b[name], name)
         # Random weights make fog; fitting clears it, also in pictures that it did not use.
-        self.assertGreater(told["mean"]["psnr"], plain["mean"]["psnr"] + 0.5)
+        self.assertGreater(result["mean"]["psnr"], plain["mean"]["psnr"] + 0.5)
 
     def test_sheet(self):
         sheet = self.path("new", "sheet.png")
@@ -180,9 +180,9 @@ class Evaluate(support.Case):
             self.assertEqual(two["objects"][0][name], two["objects"][2][name])
 
     def test_random_views(self):
-        told = [self.succeeds(*self.evaluate("--protocol", "random10", "--seed", seed, "--json"))[0] for seed in (1, 1)]
-        self.assertEqual(*told)
-        self.assertNotEqual(told[0], self.succeeds(*self.evaluate("--json"))[0])
+        result = [self.succeeds(*self.evaluate("--protocol", "random10", "--seed", seed, "--json"))[0] for seed in (1, 1)]
+        self.assertEqual(*result)
+        self.assertNotEqual(result[0], self.succeeds(*self.evaluate("--json"))[0])
 
     def test_the_cube_can_be_said(self):
         a, b = (json.loads(self.succeeds(*self.evaluate("--json", "--scale", scale))[0])["mean"] for scale in (1, 2))
@@ -206,12 +206,12 @@ class Evaluate(support.Case):
         code, out, err = support.run(*self.evaluate("--json"))
         self.assertEqual(code, 1)
         self.assertIn("solid_0002", err)
-        told = json.loads(out)
-        self.assertEqual(list(told), ["objects", "mean", "stopped", "tuning", "precision", "switched_off"])
-        self.assertEqual(told["objects"], whole["objects"][:2])
-        self.assertIn("solid_0002", told["stopped"])
+        result = json.loads(out)
+        self.assertEqual(list(result), ["objects", "mean", "stopped", "tuning", "precision", "switched_off"])
+        self.assertEqual(result["objects"], whole["objects"][:2])
+        self.assertIn("solid_0002", result["stopped"])
         for name in NUMBERS:
-            self.assertAlmostEqual(told["mean"][name], sum(o[name] for o in told["objects"]) / 2, 9)
+            self.assertAlmostEqual(result["mean"][name], sum(o[name] for o in result["objects"]) / 2, 9)
         code, out, err = support.run(*self.evaluate())
         self.assertEqual([line.split()[0] for line in out.splitlines()], ["object", "solid_0000", "solid_0001", "mean"])
 
@@ -231,8 +231,8 @@ class Evaluate(support.Case):
         write_alexnet(self.path("weights", "alex.safetensors"))
         self.refuses(2, ["31 pixels", "16"], *self.evaluate("--lpips", self.path("weights")))
         self.succeeds("init", "tiny", "--seed", 1, "--output", self.model, "--overwrite", "--quiet")
-        told = json.loads(self.succeeds(*self.evaluate("--lpips", self.path("weights"), "--json"))[0])
-        for row in told["objects"] + [told["mean"]]:
+        result = json.loads(self.succeeds(*self.evaluate("--lpips", self.path("weights"), "--json"))[0])
+        for row in result["objects"] + [result["mean"]]:
             self.assertEqual([name for name in row if name != "name"], NUMBERS + ["lpips_alex"])
             self.assertTrue(0.001 < row["lpips_alex"] < 1000)
 

@@ -36,7 +36,7 @@ class Far(support.Case):
             json.dump(data, open(path, "w"))
         return folder
 
-    def told(self, *arguments):
+    def json_of(self, *arguments):
         return json.loads(self.succeeds(*arguments, "--json", "--quiet")[0])
 
     def pictures(self, scene, cameras, name):
@@ -57,17 +57,17 @@ class Far(support.Case):
         for distance in (0, *DISTANCES):
             views, scene = self.moved(distance), self.path(f"{distance:g}.ply")
             drawn = self.path(f"drawn_{distance:g}")
-            told = self.told("reconstruct", views, *VIEWS, "--model", self.model, "--output", scene, "--render", views, "--images", drawn)
+            result = self.json_of("reconstruct", views, *VIEWS, "--model", self.model, "--output", scene, "--render", views, "--images", drawn)
             beside = self.path(f"{distance:g}.offset.json")
             if distance <= 1e3:
-                self.assertNotIn("offset", told)
+                self.assertNotIn("offset", result)
                 self.assertIsNone(self.offset_of(scene))
                 self.assertFalse(os.path.exists(beside))
             else:
-                self.assertEqual(told["offset"], told["center"])
-                self.assertEqual(told["offset_file"], beside)
-                self.assertEqual(self.offset_of(scene), told["offset"])
-                self.assertEqual(json.load(open(beside)), {"scene": f"{distance:g}.ply", "offset": told["offset"]})
+                self.assertEqual(result["offset"], result["center"])
+                self.assertEqual(result["offset_file"], beside)
+                self.assertEqual(self.offset_of(scene), result["offset"])
+                self.assertEqual(json.load(open(beside)), {"scene": f"{distance:g}.ply", "offset": result["offset"]})
             got = {"reconstruct": b"".join(support.read_png(os.path.join(drawn, file))[2] for file in sorted(os.listdir(drawn))),
                    "the file, by its cameras": self.pictures(scene, views, f"file_{distance:g}"),
                    "the file, by an orbit": self.pictures(scene, "orbit:3", f"orbit_{distance:g}")}
@@ -100,14 +100,14 @@ class Far(support.Case):
                 views, scene = self.moved(distance), self.path(f"{start}_{distance:g}.ply")
                 first = self.path(f"network_{distance:g}.ply") if start == "scene" else start
                 more = ("--model", self.model, "--view-count", 4) if start == "network" else ()
-                told = self.told("fit", views, "--start", first, *more, "--holdout", 1, "--steps", 20, "--poses", "--output", scene)
-                self.assertEqual("offset" in told, distance > 0)
+                result = self.json_of("fit", views, "--start", first, *more, "--holdout", 1, "--steps", 20, "--poses", "--output", scene)
+                self.assertEqual("offset" in result, distance > 0)
                 got = self.pictures(scene, views, f"{start}_{distance:g}")
                 if distance == 0:
-                    at_origin, scores = got, told
+                    at_origin, scores = got, result
                 self.hold(f"fit --start {start}", distance, got, at_origin)
                 for key in ("start", "result"):
-                    self.assertAlmostEqual(told[key]["psnr"], scores[key]["psnr"], 2)
+                    self.assertAlmostEqual(result[key]["psnr"], scores[key]["psnr"], 2)
                 # The corrected cameras are in the world, too.
                 if os.path.exists(self.path(f"{start}_{distance:g}.poses.json")):
                     poses = json.load(open(self.path(f"{start}_{distance:g}.poses.json")))
@@ -116,7 +116,7 @@ class Far(support.Case):
     def test_evaluation(self):
         for more in ((), ("--refine",)):
             for distance in (0, 1e7):
-                mean = self.told("evaluate", self.moved(distance), "--model", self.model, *more)["mean"]
+                mean = self.json_of("evaluate", self.moved(distance), "--model", self.model, *more)["mean"]
                 if distance == 0:
                     at_origin = mean
                 print(f"evaluate {' '.join(more)}, {distance:g} edges away: {mean['psnr']} dB")
@@ -141,8 +141,8 @@ class Far(support.Case):
         """Precision that the file's floats have lost stays lost, but no more is."""
         spots = [(1e5 + 0.25 * math.sin(i), 1e5 + 0.25 * math.cos(2.3 * i), 1e5 + 0.25 * math.sin(5.1 * i)) for i in range(60)]
         support.write_scene(self.path("ball.ply"), [(at, (0.5, 0.5, 0.5), 0.06, 0.7) for at in spots])
-        told = self.told("fit", self.moved(1e5), "--start", self.path("ball.ply"), "--holdout", 1, "--steps", 20, "--output", self.path("out.ply"))
-        self.assertEqual(told["offset"], [1e5] * 3)
+        result = self.json_of("fit", self.moved(1e5), "--start", self.path("ball.ply"), "--holdout", 1, "--steps", 20, "--output", self.path("out.ply"))
+        self.assertEqual(result["offset"], [1e5] * 3)
 
 
 if __name__ == "__main__":

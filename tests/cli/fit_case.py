@@ -20,5 +20,5 @@ class FitCase(support.Case):
     def fit(self, *more, start=None, output="out.ply"):
         return ("fit", self.photos, "--start", start or self.ball, "--output", self.path(output), "--quiet", *more)
 
-    def told(self, *arguments):
+    def json_of(self, *arguments):
         return json.loads(self.succeeds(*arguments, "--json")[0])

@@ -50,8 +50,8 @@ class FitPage(fit_case.FitCase):
         os.rename(os.path.join(self.photos, views["frames"][2]["file_path"]), os.path.join(self.photos, odd))
         views["frames"][2]["file_path"] = odd
         json.dump(views, open(listed, "w"))
-        told = self.told(*self.fit("--holdout", "@2,@4", "--steps", 60, "--profile", self.path("profile.json")))
-        self.assertEqual(told["page"], self.path("out.fit.html"))
+        result = self.json_of(*self.fit("--holdout", "@2,@4", "--steps", 60, "--profile", self.path("profile.json")))
+        self.assertEqual(result["page"], self.path("out.fit.html"))
         page = self.page("out.fit.html")
         self.assertEqual([page.all(tag) for tag in ("script", "link", "iframe", "b")][:3], [[], [], []])
         self.assertTrue(all(not value.startswith(("http", "//")) for _, attributes in page.elements for value in attributes.values() if value))
@@ -63,14 +63,14 @@ class FitPage(fit_case.FitCase):
             self.assertEqual(kind, "data:image/jpeg;base64")
             self.assertTrue(base64.b64decode(data, validate=True).startswith(b"\xff\xd8\xff"))
         self.assertIn(odd, page.text)  # as text: an element b would not close
-        for picture in told["held_out"]:
+        for picture in result["held_out"]:
             for figure in (f"{picture['psnr']:.2f}", f"{picture['psnr_cc']:.2f}", f"{picture['ssim']:.4f}"):
                 self.assertIn(figure, page.text)
         for word in ("Loss", "PSNR, held out", "Gaussians", "Time of a step", "fitting", "by stage", "max-gaussians"):
             self.assertIn(word, page.text)
-        self.told(*self.fit("--holdout", "none", "--steps", 2, "--page", "none", output="b.ply"))
+        self.json_of(*self.fit("--holdout", "none", "--steps", 2, "--page", "none", output="b.ply"))
         self.assertFalse(os.path.exists(self.path("b.fit.html")))
-        self.told(*self.fit("--steps", 2, "--page", self.path("elsewhere.html"), output="c.ply"))
+        self.json_of(*self.fit("--steps", 2, "--page", self.path("elsewhere.html"), output="c.ply"))
         self.assertIn("left out in turn", self.page("elsewhere.html").text)
         self.refuses(2, ["--page", ".html"], *self.fit("--page", "x.txt", output="d.ply"))
 
@@ -126,13 +126,13 @@ class FitPage(fit_case.FitCase):
 
     def test_what_the_command_line_decides_is_not_taken_from_the_file(self):
         def settings(given, *more):
-            told = self.told(*self.fit("--settings", self.write("given.json", given), "--holdout", "none", "--overwrite", *more))
-            return json.load(open(told["settings"]))["settings"]
+            result = self.json_of(*self.fit("--settings", self.write("given.json", given), "--holdout", "none", "--overwrite", *more))
+            return json.load(open(result["settings"]))["settings"]
         self.assertEqual(settings({"scene": True, "steps": 3}, "--object")["object"], True)
-        told = settings({"quality": "normal", "steps": 3, "size": 12}, "--quality", "draft")
-        self.assertEqual((told["quality"], told["steps"], told["size"]), ("draft", 100, 512))
-        told = settings({"quality": "normal", "steps": 3, "size": 12})
-        self.assertEqual((told["quality"], told["steps"], told["size"]), ("normal", 3, 12))
+        result = settings({"quality": "normal", "steps": 3, "size": 12}, "--quality", "draft")
+        self.assertEqual((result["quality"], result["steps"], result["size"]), ("draft", 100, 512))
+        result = settings({"quality": "normal", "steps": 3, "size": 12})
+        self.assertEqual((result["quality"], result["steps"], result["size"]), ("normal", 3, 12))
 
     def test_names_like_numbers_come_back_as_they_were(self):
         for name, other in (("0001", "1.50"), ("0003", "1e3")):
@@ -142,8 +142,8 @@ class FitPage(fit_case.FitCase):
         for name in ("1.50", "1e3"):
             self.succeeds(*self.fit("--holdout", name, "--steps", 2), "--overwrite")
             self.assertEqual(json.load(open(self.path("out.fit.json")))["settings"]["holdout"], name)
-            told = self.told("fit", self.photos, "--settings", self.path("out.fit.json"), "--output", self.path("again.ply"), "--overwrite", "--quiet")
-            self.assertEqual([os.path.basename(each) for each in told["judged_on"]], [name + ".png"])
+            result = self.json_of("fit", self.photos, "--settings", self.path("out.fit.json"), "--output", self.path("again.ply"), "--overwrite", "--quiet")
+            self.assertEqual([os.path.basename(each) for each in result["measured_on"]], [name + ".png"])
 
     def test_wrong_settings(self):
         def refused(words, settings):

@@ -44,17 +44,17 @@ class FitScene(support.Case):
     def fit(self, *more, views="transforms.json", output="out.ply", steps=300):
         return ("fit", self.path(views), "--output", self.path(output), "--steps", steps, "--seed", 3, *more)
 
-    def told(self, *arguments):
+    def json_of(self, *arguments):
         out, err = self.succeeds(*arguments, "--json")
         return json.loads(out), err
 
     def test_without_masks_the_whole_scene_is_fitted(self):
-        whole, err = self.told(*self.fit())
+        whole, err = self.json_of(*self.fit())
         self.assertIn("the whole scene: centre", err)
         self.assertIn(f"next: vsplat view {self.path('out.ply')} --cameras {self.path('transforms.json')}", err)
-        self.assertEqual(len(whole["judged_on"]), 2)
+        self.assertEqual(len(whole["measured_on"]), 2)
         self.assertGreater(whole["result"]["psnr"], 16.5)
-        same, _ = self.told(*self.fit("--scene", output="same.ply"))
+        same, _ = self.json_of(*self.fit("--scene", output="same.ply"))
         self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("same.ply"), "rb").read())
         self.assertAlmostEqual(sum(picture["psnr"] for picture in whole["held_out"]) / 2, whole["result"]["psnr"], 1)
         with open(self.path("out.fit.json")) as f:
@@ -65,20 +65,20 @@ class FitScene(support.Case):
         self.succeeds("fit", self.path("transforms.json"), "--settings", self.path("out.fit.json"), "--output", self.path("again.ply"), "--quiet")
         self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("again.ply"), "rb").read())
         # What a whole scene derived is not given back to an object.
-        told, _ = self.told(*self.fit("--object", "--start", "random", "--settings", self.path("out.fit.json"), "--quality", "draft", steps=3,
+        result, _ = self.json_of(*self.fit("--object", "--start", "random", "--settings", self.path("out.fit.json"), "--quality", "draft", steps=3,
                                       output="settings.ply"))
-        with open(told["settings"]) as f:
+        with open(result["settings"]) as f:
             settings = json.load(f)["settings"]
         self.assertEqual((settings["object"], settings["scene"], settings["background"]), (True, False, "auto"))
         self.assertLess(settings["sh"], 3)
-        cube, err = self.told(*self.fit("--object", "--start", "random", output="object.ply"))
+        cube, err = self.json_of(*self.fit("--object", "--start", "random", output="object.ply"))
         self.assertIn("the object's cube: centre", err)
         self.assertGreater(whole["result"]["psnr"], cube["result"]["psnr"] + 1)
 
     def test_points_make_the_start_and_better_scenes(self):
-        without, _ = self.told(*self.fit())
+        without, _ = self.json_of(*self.fit())
         self.write_list("listed.json", {**self.list, "ply_file_path": "points.ply"})
-        listed, err = self.told(*self.fit(views="listed.json", output="listed.ply"))
+        listed, err = self.json_of(*self.fit(views="listed.json", output="listed.ply"))
         self.assertIn(f"starts from {NEAR_BALL + WALL} points", err)
         self.assertGreater(listed["result"]["psnr"], without["result"]["psnr"])
 

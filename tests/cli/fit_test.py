@@ -15,7 +15,7 @@ import fit_case
 import support
 
 KILLS = int(os.environ.get("VSPLAT_KILLS", "2"))
-RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "held_out", "returned", "claimed", "suspects", "seconds"]
+RESULT = ["output", "gaussians", "steps", "measured_on", "start", "result", "held_out", "returned", "claimed", "outliers", "seconds"]
 NUMERICS = ["tuning", "precision", "switched_off"]
 
 
@@ -30,26 +30,26 @@ def quaternion(r):
 
 class Fit(fit_case.FitCase):
     def test_pictures_held_out_get_better_and_the_json_says_how_much(self):
-        told = self.told(*self.fit("--holdout", 1, "--steps", 60, "--log", self.path("log.csv"), "--sheet", self.path("sheet.png")))
-        self.assertEqual(list(told), RESULT[:-1] + ["log", "sheet", "page", "settings"] + NUMERICS + RESULT[-1:])
-        self.assertEqual(len(told["judged_on"]), 1)
-        self.assertEqual(told["returned"], "fitted")
-        self.assertEqual(told["claimed"], False)  # a scene from a file may have seen every picture
-        self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 1)
-        self.assertEqual(told["suspects"], [])
+        result = self.json_of(*self.fit("--holdout", 1, "--steps", 60, "--log", self.path("log.csv"), "--sheet", self.path("sheet.png")))
+        self.assertEqual(list(result), RESULT[:-1] + ["log", "sheet", "page", "settings"] + NUMERICS + RESULT[-1:])
+        self.assertEqual(len(result["measured_on"]), 1)
+        self.assertEqual(result["returned"], "fitted")
+        self.assertEqual(result["claimed"], False)  # a scene from a file may have seen every picture
+        self.assertGreater(result["result"]["psnr"], result["start"]["psnr"] + 1)
+        self.assertEqual(result["outliers"], [])
         self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
         rows = list(csv.DictReader(open(self.path("log.csv"))))
         self.assertEqual([int(row["step"]) for row in rows], list(range(1, 61)))
         self.assertEqual({row["phase"] for row in rows}, {"fitting"})
         self.assertLess(float(rows[-1]["loss"]), float(rows[0]["loss"]))
-        self.assertAlmostEqual(max(float(row["psnr"]) for row in rows if row["psnr"]), told["result"]["psnr"], 2)
-        (picture,) = told["held_out"]
-        self.assertEqual([picture["name"]], told["judged_on"])
-        self.assertAlmostEqual(picture["psnr"], told["result"]["psnr"], 2)
-        self.assertAlmostEqual(picture["ssim"], told["result"]["ssim"], 3)
+        self.assertAlmostEqual(max(float(row["psnr"]) for row in rows if row["psnr"]), result["result"]["psnr"], 2)
+        (picture,) = result["held_out"]
+        self.assertEqual([picture["name"]], result["measured_on"])
+        self.assertAlmostEqual(picture["psnr"], result["result"]["psnr"], 2)
+        self.assertAlmostEqual(picture["ssim"], result["result"]["ssim"], 3)
         self.assertGreaterEqual(picture["psnr_cc"], picture["psnr"])
-        self.assertEqual(picture["psnr_cc"], told["result"]["psnr_cc"])
-        self.assertNotIn("psnr_cc", told["start"])  # it is of the scene that is written
+        self.assertEqual(picture["psnr_cc"], result["result"]["psnr_cc"])
+        self.assertNotIn("psnr_cc", result["start"])  # it is of the scene that is written
         self.assertEqual({row["psnr_cc"] for row in rows[:-1]}, {""})
         self.assertAlmostEqual(float(rows[-1]["psnr_cc"]), picture["psnr_cc"], 1)
         width, height, _ = support.read_png(self.path("sheet.png"))
@@ -57,20 +57,20 @@ class Fit(fit_case.FitCase):
         self.assertLess(height, 2 * self.SIDE + 20)
 
     def test_the_picture_that_was_held_out_is_what_the_scene_is_measured_by(self):
-        told = self.told(*self.fit("--holdout", "@2", "--steps", 40))
-        self.assertEqual([os.path.basename(name) for name in told["judged_on"]], ["0002.png"])
-        compared = self.told("render", self.path("out.ply"), "--cameras", os.path.join(self.photos, "transforms.json"), "--compare",
+        result = self.json_of(*self.fit("--holdout", "@2", "--steps", 40))
+        self.assertEqual([os.path.basename(name) for name in result["measured_on"]], ["0002.png"])
+        compared = self.json_of("render", self.path("out.ply"), "--cameras", os.path.join(self.photos, "transforms.json"), "--compare",
                              os.path.join(self.photos, "images"), "--quiet")
-        self.assertAlmostEqual(compared["comparison"]["pictures"][2]["psnr"], told["result"]["psnr"], 1)
+        self.assertAlmostEqual(compared["comparison"]["pictures"][2]["psnr"], result["result"]["psnr"], 1)
 
     def test_few_views_are_each_left_out_in_turn(self):
-        told = self.told(*self.fit("--steps", 25, "--log", self.path("log.csv")))
-        self.assertEqual(len(told["judged_on"]), 5)
-        self.assertEqual(told["held_out"], [])  # in the end every view is fitted
+        result = self.json_of(*self.fit("--steps", 25, "--log", self.path("log.csv")))
+        self.assertEqual(len(result["measured_on"]), 5)
+        self.assertEqual(result["held_out"], [])  # in the end every view is fitted
         phases = [row["phase"] for row in csv.DictReader(open(self.path("log.csv")))]
         self.assertEqual(sorted(set(phases)), ["fitting"] + [f"leaving out {i} of 5" for i in range(1, 6)])
-        self.assertIn(told["steps"], (0, 25))
-        self.assertEqual(told["returned"], "fitted" if told["steps"] else "start")
+        self.assertIn(result["steps"], (0, 25))
+        self.assertEqual(result["returned"], "fitted" if result["steps"] else "start")
 
     def test_the_start_is_returned_where_nothing_makes_it_better(self):
         self.succeeds(*self.fit("--holdout", "@0", "--steps", 150, output="good.ply"))
@@ -81,10 +81,10 @@ class Fit(fit_case.FitCase):
             step = len(data) // (width * height)
             rows = [[tuple(255 - v for v in data[step * (y * width + x):][:3]) for x in range(width)] for y in range(height)]
             support.write_png(path, width, height, rows)
-        told = self.told(*self.fit("--holdout", "@0", "--steps", 30, start=self.path("good.ply")))
-        self.assertEqual((told["returned"], told["steps"]), ("start", 0))
-        self.assertLess(told["result"]["psnr"], told["start"]["psnr"])
-        self.assertGreaterEqual(told["start"]["psnr_cc"], told["start"]["psnr"] - 0.01)
+        result = self.json_of(*self.fit("--holdout", "@0", "--steps", 30, start=self.path("good.ply")))
+        self.assertEqual((result["returned"], result["steps"]), ("start", 0))
+        self.assertLess(result["result"]["psnr"], result["start"]["psnr"])
+        self.assertGreaterEqual(result["start"]["psnr_cc"], result["start"]["psnr"] - 0.01)
         camera = ("--cameras", os.path.join(self.photos, "transforms.json"), "--quiet", "--images")
         self.succeeds("render", self.path("good.ply"), *camera, self.path("a"))
         self.succeeds("render", self.path("out.ply"), *camera, self.path("b"))
@@ -116,9 +116,9 @@ class Fit(fit_case.FitCase):
                 self.assertNotEqual(scenes[0], pathlib.Path(self.path("c.ply")).read_bytes())
 
     def test_the_network_predicts_again_without_what_is_left_out(self):
-        told = self.told(*self.fit("--steps", 25, "--model", self.model, start="network"))
-        self.assertEqual(told["claimed"], True)
-        self.assertEqual(len(told["judged_on"]), 5)
+        result = self.json_of(*self.fit("--steps", 25, "--model", self.model, start="network"))
+        self.assertEqual(result["claimed"], True)
+        self.assertEqual(len(result["measured_on"]), 5)
         _, err = self.succeeds("fit", self.photos, "--start", "network", "--model", self.model, "--output", self.path("b.ply"), "--steps", 25,
                                "--holdout", "@1", "--verbose")
         names = next(line for line in err.splitlines() if line.startswith("the network gets"))
@@ -134,8 +134,8 @@ class Fit(fit_case.FitCase):
         def body(path):
             return pathlib.Path(path).read_bytes().partition(b"end_header\n")[2]
         count = len(body(self.ball)) // 56
-        told = self.told("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
-        self.assertEqual(told["gaussians"], count)
+        result = self.json_of("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
+        self.assertEqual(result["gaussians"], count)
         self.refuses(2, ["--freeze", "nothing is left"], *self.fit("--freeze", "means,scales,rotations,opacities,sh", "--overwrite"))
 
     def test_an_interrupt_ends_it_with_the_best_so_far(self):
@@ -156,16 +156,16 @@ class Fit(fit_case.FitCase):
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("many"), "--views", 12, "--size", self.SIDE, "--seed", 4)
         self.photos = self.path("many", "solid_0000")
         more = ("--steps", 120, "--max-gaussians", 90, "--holdout", "none")
-        mcmc = self.told(*self.fit(*more, output="mcmc.ply"))
-        error = self.told(*self.fit(*more, "--strategy", "error", output="error.ply"))
-        for told in (mcmc, error):
-            self.assertGreater(told["gaussians"], 60)
-            self.assertLessEqual(told["gaussians"], 90)
+        mcmc = self.json_of(*self.fit(*more, output="mcmc.ply"))
+        error = self.json_of(*self.fit(*more, "--strategy", "error", output="error.ply"))
+        for result in (mcmc, error):
+            self.assertGreater(result["gaussians"], 60)
+            self.assertLessEqual(result["gaussians"], 90)
         self.succeeds(*self.fit(*more, "--strategy", "mcmc", output="same.ply"))
         read = {name: pathlib.Path(self.path(name + ".ply")).read_bytes() for name in ("mcmc", "error", "same")}
         self.assertEqual(read["mcmc"], read["same"])
         self.assertNotEqual(read["mcmc"], read["error"])
-        half = self.told(*self.fit(*more, "--consolidate", 0.5, "--log", self.path("log.csv"), output="half.ply"))
+        half = self.json_of(*self.fit(*more, "--consolidate", 0.5, "--log", self.path("log.csv"), output="half.ply"))
         self.assertEqual(half["steps"], 120)
         self.assertLessEqual(half["gaussians"], 45)
         self.assertGreater(half["gaussians"], 20)
@@ -173,9 +173,9 @@ class Fit(fit_case.FitCase):
         self.assertEqual([row["phase"] for row in rows], 90 * ["fitting"] + 30 * ["consolidating"])
 
     def test_poses_are_written_and_read_again(self):
-        told = self.told(*self.fit("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
-        self.assertEqual(told["poses"], self.path("out.poses.json"))
-        cameras, listed = json.load(open(told["poses"])), json.load(open(os.path.join(self.photos, "transforms.json")))["frames"]
+        result = self.json_of(*self.fit("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
+        self.assertEqual(result["poses"], self.path("out.poses.json"))
+        cameras, listed = json.load(open(result["poses"])), json.load(open(os.path.join(self.photos, "transforms.json")))["frames"]
         self.assertEqual([c["file"] for c in cameras], [frame["file_path"] for frame in listed])
         self.assertEqual({(c["w"], c["h"]) for c in cameras}, {(self.SIDE, self.SIDE)})
         for i, (camera, frame) in enumerate(zip(cameras, listed)):
@@ -183,7 +183,7 @@ class Fit(fit_case.FitCase):
             agree = sum(a * b for a, b in zip(camera["w2c"][2][:3], z))
             self.assertGreater(agree, 0.999)
             self.assertEqual(agree > 1 - 1e-12, i == 0, i)  # held-out views do not move
-        self.succeeds("render", self.path("out.ply"), "--cameras", told["poses"], "--images", self.path("x"))
+        self.succeeds("render", self.path("out.ply"), "--cameras", result["poses"], "--images", self.path("x"))
 
     def test_resumed_it_ends_with_the_same_bytes(self):
         more = ("--holdout", 1, "--steps", 250, "--seed", 3)
@@ -250,9 +250,9 @@ class Fit(fit_case.FitCase):
         self.assertIn("stopped.ply is written, its pictures are not", err)
         self.succeeds("render", self.path("stopped.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
         self.assertFalse(os.path.exists(self.path("pictures")))
-        told = self.told("reconstruct", self.photos, "--model", self.model, "--output", self.path("timed.ply"), "--refine", "--refine-steps", 100000,
+        result = self.json_of("reconstruct", self.photos, "--model", self.model, "--output", self.path("timed.ply"), "--refine", "--refine-steps", 100000,
                          "--refine-time", 2, "--quiet")
-        self.assertLess(told["seconds"], 60)
+        self.assertLess(result["seconds"], 60)
         self.refuses(2, "--time needs --refine", "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--time", 2)
         self.refuses(2, "--refine-time is", "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--refine", "--time", 0)
 
@@ -290,8 +290,8 @@ class Fit(fit_case.FitCase):
         self.assertIn("of the 200 points, the dense ones", err)
 
     def test_time_is_kept(self):
-        told = self.told(*self.fit("--holdout", 1, "--steps", 1000000, "--time", 1))
-        self.assertLess(told["seconds"], 30)
+        result = self.json_of(*self.fit("--holdout", 1, "--steps", 1000000, "--time", 1))
+        self.assertLess(result["seconds"], 30)
 
     def opaque(self):
         """Puts the pictures on blue, without alpha. Returns their paths."""
@@ -304,29 +304,29 @@ class Fit(fit_case.FitCase):
             support.write_png(path, width, height, rows)
         return paths
 
-    def same_figures(self, told):
+    def same_figures(self, result):
         """The scene that is written, compared with its pictures once more, has the figures of the fit."""
-        written = told["start" if told["returned"] == "start" else "result"]
+        written = result["start" if result["returned"] == "start" else "result"]
         for name, places in (("psnr", 1), ("ssim", 2)):
-            self.assertAlmostEqual(sum(picture[name] for picture in told["held_out"]) / len(told["held_out"]), written[name], places, name)
+            self.assertAlmostEqual(sum(picture[name] for picture in result["held_out"]) / len(result["held_out"]), written[name], places, name)
 
     def test_a_sky_is_written_as_gaussians(self):
         self.opaque()
         held = ("--holdout", 1, "--steps", 150, "--background")
-        told = self.told(*self.fit(*held, "sky"))
-        self.assertGreater(told["gaussians"], 10000)
-        self.assertAlmostEqual(told["over_sky"]["psnr"], told["result"]["psnr"], delta=1)
-        self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 3)
-        self.same_figures(told)
+        result = self.json_of(*self.fit(*held, "sky"))
+        self.assertGreater(result["gaussians"], 10000)
+        self.assertAlmostEqual(result["over_sky"]["psnr"], result["result"]["psnr"], delta=1)
+        self.assertGreater(result["result"]["psnr"], result["start"]["psnr"] + 3)
+        self.same_figures(result)
         self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:1", "--size", "24x24", "--images", self.path("drawn"), "--background", "black",
                       "--quiet")
         corner = support.read_png(next(pathlib.Path(self.path("drawn")).glob("*.png")))[2][:3]
         self.assertGreater(corner[2], corner[0] + 30, "the sky is blue")
         for behind in ("random", "#3264e6"):
-            told = self.told(*self.fit(*held, behind, "--overwrite"))
-            self.assertLess(told["gaussians"], 10000)
-            self.assertNotIn("over_sky", told)
-            self.same_figures(told)
+            result = self.json_of(*self.fit(*held, behind, "--overwrite"))
+            self.assertLess(result["gaussians"], 10000)
+            self.assertNotIn("over_sky", result)
+            self.same_figures(result)
 
     def test_what_masks_leave_out_takes_no_part(self):
         masks = pathlib.Path(self.photos, "masks")
@@ -338,14 +338,14 @@ class Fit(fit_case.FitCase):
             support.write_png(path, width, height, half)
             support.write_png(masks / path.name, width, height, [[(255 * (x < width // 2),) * 3 for x in range(width)]] * height)
         given = ("--holdout", 1, "--steps", 60, "--masks", "ignore", "--background", "#3264e6", "--overwrite")
-        left = self.told(*self.fit(*given))
-        whole = self.told(*self.fit(*given[:4], *given[6:], "--masks", "object"))
-        both = self.told(*self.fit(*given, "--invert-masks"))
+        left = self.json_of(*self.fit(*given))
+        whole = self.json_of(*self.fit(*given[:4], *given[6:], "--masks", "object"))
+        both = self.json_of(*self.fit(*given, "--invert-masks"))
         self.assertGreater(left["result"]["psnr"], left["start"]["psnr"] + 1)
         self.assertGreater(left["start"]["psnr"], both["start"]["psnr"] + 5, "the red half is not measured")
         self.assertNotEqual(left["start"], whole["start"])
-        for told in (left, whole, both):
-            self.same_figures(told)
+        for result in (left, whole, both):
+            self.same_figures(result)
 
     def test_what_is_refused(self):
         self.refuses(2, ["--background is sky", "5 of the 5", "--masks"], *self.fit("--background", "sky"))
@@ -380,16 +380,16 @@ class Fit(fit_case.FitCase):
         self.refuses(1, "no Gaussian", *self.fit("--overwrite", start=self.path("empty.ply")))
 
     def test_dry_run(self):
-        told = self.told("fit", self.photos, "--start", self.ball, "--dry-run")
-        self.assertEqual([plan["fits"] for plan in told], [True])
-        self.assertIn("24 x 24", told[0]["what"])
-        self.assertNotIn("steps", told[0])  # views are left out in turn to find it
-        self.assertGreater(told[0]["seconds"], 0)
+        result = self.json_of("fit", self.photos, "--start", self.ball, "--dry-run")
+        self.assertEqual([plan["fits"] for plan in result], [True])
+        self.assertIn("24 x 24", result[0]["what"])
+        self.assertNotIn("steps", result[0])  # views are left out in turn to find it
+        self.assertGreater(result[0]["seconds"], 0)
         text = self.succeeds("fit", self.photos, "--start", self.ball, "--steps", 30, "--holdout", "none", "--dry-run")[0]
         self.assertRegex(text, r"time +about .* for 30 steps")
-        more = self.told("fit", self.photos, "--start", self.ball, "--dry-run", "--max-gaussians", 100000)
-        self.assertGreater(more[0]["peak_bytes"], told[0]["peak_bytes"])
-        self.assertEqual(len(self.told("fit", self.photos, "--start", "network", "--model", self.model, "--dry-run")), 2)
+        more = self.json_of("fit", self.photos, "--start", self.ball, "--dry-run", "--max-gaussians", 100000)
+        self.assertGreater(more[0]["peak_bytes"], result[0]["peak_bytes"])
+        self.assertEqual(len(self.json_of("fit", self.photos, "--start", "network", "--model", self.model, "--dry-run")), 2)
         self.assertEqual(os.path.exists(self.path("out.ply")), False)
 
 

@@ -19,9 +19,9 @@ class Genden(support.Case):
     def test_init(self):
         for system, size in NETWORKS + (("genden", "small"), ("vsplat+genden", "small")):
             with self.subTest(system=system, size=size):
-                told = json.loads(self.succeeds("weights", "info", self.made(system, size), "--json")[0])
-                self.assertEqual(told["system"], system)
-                self.assertIn("densify.top_k", told["config"])
+                result = json.loads(self.succeeds("weights", "info", self.made(system, size), "--json")[0])
+                self.assertEqual(result["system"], system)
+                self.assertIn("densify.top_k", result["config"])
                 self.succeeds("weights", "verify", self.path(f"{system}-{size}.safetensors"))
         self.refuses(2, ["micro", "paper, small, tiny"], "init", "micro", "--system", "vsplat+genden", "--seed", 1, "--output", self.path("none"))
         self.refuses(2, ["paper", "published"], "init", "paper", "--system", "genden", "--seed", 1, "--output", self.path("none"))

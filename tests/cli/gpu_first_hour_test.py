@@ -22,33 +22,33 @@ STEPS = ["doctor", "selftest", "tests", "tune", "paper", "mixed", "bench"]
 # In place of vsplat: does what the file of the variable STAND_IN tells, and notes each call there.
 STAND_IN = r"""#!{python}
 import json, os, sys, time
-told = json.load(open(os.environ["STAND_IN"]))
+reported = json.load(open(os.environ["STAND_IN"]))
 words = sys.argv[1:]
 with open(os.environ["STAND_IN"] + ".calls", "a") as f:
     f.write(json.dumps([words, os.environ.get("OCL_ICD_VENDORS", ""), os.environ.get("VSPLAT_TUNING", "")]) + "\n")
-judged = os.environ.get("VSPLAT_SELFTEST") != "ignore" and told["verdict"] == "unusable"
+unfit = os.environ.get("VSPLAT_SELFTEST") != "ignore" and reported["verdict"] == "unusable"
 after = lambda option: words[words.index(option) + 1]
 command = words[0]
 if command == "help":
-    if words[1] in told["lacks"]:
+    if words[1] in reported["lacks"]:
         sys.exit(2)
     if words[1] == "reconstruct":
-        print("  --precision fp32|mixed" if "mixed" not in told["lacks"] else "")
+        print("  --precision fp32|mixed" if "mixed" not in reported["lacks"] else "")
     sys.exit(0)
 if command == "--version":
     print("vsplat of a test")
 elif command == "devices" and "--json" in words:
-    print(json.dumps([dict(type=told["type"])], indent=1))
+    print(json.dumps([dict(type=reported["type"])], indent=1))
 elif command == "bench" and words[1] == "none":
     print("vsplat: suites: none not in {{scan,gemm,conv3d}}", file=sys.stderr)
     sys.exit(2)
-if command in told["hangs"]:
+if command in reported["hangs"]:
     time.sleep(600)
 if command == "selftest":
-    print(json.dumps(dict(verdict=told["verdict"], flavours=[dict(verdict="wrong")]), indent=1))
-    print(f"vsplat: a device: {{told['verdict']}}", file=sys.stderr)
-    sys.exit(1 if judged else 0)
-if command in told["fails"] or judged and command not in ("devices", "doctor"):
+    print(json.dumps(dict(verdict=reported["verdict"], flavours=[dict(verdict="wrong")]), indent=1))
+    print(f"vsplat: a device: {{reported['verdict']}}", file=sys.stderr)
+    sys.exit(1 if unfit else 0)
+if command in reported["fails"] or unfit and command not in ("devices", "doctor"):
     print(f"vsplat: {{command}} failed", file=sys.stderr)
     sys.exit(1)
 for option in ("--output", "--profile"):
@@ -57,7 +57,7 @@ for option in ("--output", "--profile"):
             f.write(json.dumps(dict(wall=dict(device_s=0.125)), indent=1))
         if option == "--profile" and command == "bench":
             with open(after(option) + ".large", "wb") as f:
-                f.write(os.urandom(told["large"]))
+                f.write(os.urandom(reported["large"]))
 if command == "dataset":
     os.makedirs(after("--output") + "/solid_0000")
 elif command == "weights":
@@ -110,19 +110,19 @@ class StandIn(Case):
             f.write(STAND_IN.format(python=sys.executable))
         os.chmod(self.path("vsplat"), 0o755)
 
-    def environment(self, env=None, **told):
-        with open(self.path("told"), "w") as f:
-            json.dump({"type": "gpu", "lacks": [], "fails": [], "hangs": [], "large": 0, "verdict": "ok", **told}, f)
-        pathlib.Path(self.path("told.calls")).unlink(missing_ok=True)
-        return {"VSPLAT": self.path("vsplat"), "STAND_IN": self.path("told"), "OCL_ICD_VENDORS": "", "OCL_ICD_FILENAMES": "", "VSPLAT_TUNING": "",
+    def environment(self, env=None, **reported):
+        with open(self.path("reported"), "w") as f:
+            json.dump({"type": "gpu", "lacks": [], "fails": [], "hangs": [], "large": 0, "verdict": "ok", **reported}, f)
+        pathlib.Path(self.path("reported.calls")).unlink(missing_ok=True)
+        return {"VSPLAT": self.path("vsplat"), "STAND_IN": self.path("reported"), "OCL_ICD_VENDORS": "", "OCL_ICD_FILENAMES": "", "VSPLAT_TUNING": "",
                 **(env or {})}
 
     def calls(self):
-        with open(self.path("told.calls")) as f:
+        with open(self.path("reported.calls")) as f:
             return [json.loads(line) for line in f]
 
-    def on(self, *arguments, env=None, **told):
-        return self.script("--tests", "None.*", *arguments, env=self.environment(env, **told))
+    def on(self, *arguments, env=None, **reported):
+        return self.script("--tests", "None.*", *arguments, env=self.environment(env, **reported))
 
     def test_all_steps(self):
         code, err = self.on(self.output)

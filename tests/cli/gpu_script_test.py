@@ -22,7 +22,7 @@ CONFIG = {"model": "micro", "steps": 1000000, "procedural": 1, "log_every": 10, 
 # end by itself before it was interrupted `interruptions` times.
 STAND_IN = """#!{python}
 import glob, json, os, signal, sys, time
-told = json.load(open(os.environ["STAND_IN"]))
+device = json.load(open(os.environ["STAND_IN"]))
 words = sys.argv[1:]
 after = lambda option: words[words.index(option) + 1]
 if words[0] == "--version":
@@ -30,14 +30,14 @@ if words[0] == "--version":
 elif words[0] == "devices":
     with open(os.environ["STAND_IN"] + ".vendors", "w") as f:
         f.write(os.environ.get("OCL_ICD_VENDORS", ""))
-    print(json.dumps([dict(type=told["type"])], indent=1))
+    print(json.dumps([dict(type=device["type"])], indent=1))
 elif words[0] == "dataset":
     os.makedirs(after("--output"))
 elif words[0] == "evaluate":
     print("device 0: a test's", file=sys.stderr)
-    told["psnr"] += told.get("drift", 0) * os.path.exists(os.environ["STAND_IN"] + ".again")
+    device["psnr"] += device.get("drift", 0) * os.path.exists(os.environ["STAND_IN"] + ".again")
     open(os.environ["STAND_IN"] + ".again", "w").close()
-    print(json.dumps(dict(mean=dict(psnr=told["psnr"], psnr_white=10.367)), indent=1))
+    print(json.dumps(dict(mean=dict(psnr=device["psnr"], psnr_white=10.367)), indent=1))
 elif words[0] == "weights":
     open(after("--output"), "w").write("weights")
 elif "--print-config" in words:
@@ -50,7 +50,7 @@ else:
     def end(code):
         for name in (f"checkpoint-{{at:08d}}.safetensors", "model.safetensors", "config.json"):
             open(run + "/" + name, "w").write(str(at) * 1000)
-        open(run + "/log.csv", "w").write(f"step,seconds,lr,temperature,loss,psnr,psnr_coarse,a,b,c,gradient_norm\\n1,0,0,1,1.0084,1,1,1,1,1,{{told['gradient']}}\\n")
+        open(run + "/log.csv", "w").write(f"step,seconds,lr,temperature,loss,psnr,psnr_coarse,a,b,c,gradient_norm\\n1,0,0,1,1.0084,1,1,1,1,1,{{device['gradient']}}\\n")
         sys.exit(code)
     stopped = os.environ["STAND_IN"] + ".stopped"
     interruptions = lambda: os.path.getsize(stopped) if os.path.exists(stopped) else 0
@@ -62,11 +62,11 @@ else:
     if "--resume" not in words:
         end(0)
     left = os.environ["STAND_IN"] + ".failures"
-    failures = int(open(left).read()) if os.path.exists(left) else told.get("failures", 0)
+    failures = int(open(left).read()) if os.path.exists(left) else device.get("failures", 0)
     open(left, "w").write(str(max(failures - 1, 0)))
     if failures > 0:
         end(1)
-    while at < told.get("until", 1e9) or interruptions() < told.get("interruptions", 0):
+    while at < device.get("until", 1e9) or interruptions() < device.get("interruptions", 0):
         time.sleep(0.1)
         at += 1
     end(0)
@@ -100,13 +100,13 @@ class StandIn(Case):
             f.write(STAND_IN.format(python=sys.executable))
         os.chmod(self.path("vsplat"), 0o755)
 
-    def on(self, *arguments, env=None, **told):
-        """The script on a device that is told of. -> exit code, stderr"""
-        with open(self.path("told"), "w") as f:
-            json.dump({"type": "gpu", "psnr": 22.34, "gradient": 0.0834, **told}, f)
+    def on(self, *arguments, env=None, **result):
+        """The script on a stand-in for a device. -> exit code, stderr"""
+        with open(self.path("device"), "w") as f:
+            json.dump({"type": "gpu", "psnr": 22.34, "gradient": 0.0834, **result}, f)
         for ending in ("again", "failures", "stopped"):
-            pathlib.Path(self.path("told." + ending)).unlink(missing_ok=True)
-        return self.script(*arguments, env={"VSPLAT": self.path("vsplat"), "STAND_IN": self.path("told"), "OCL_ICD_VENDORS": "", "OCL_ICD_FILENAMES": "",
+            pathlib.Path(self.path("device." + ending)).unlink(missing_ok=True)
+        return self.script(*arguments, env={"VSPLAT": self.path("vsplat"), "STAND_IN": self.path("device"), "OCL_ICD_VENDORS": "", "OCL_ICD_FILENAMES": "",
                                             **(env or {})})
 
     def summary(self, output):
@@ -119,14 +119,14 @@ class StandIn(Case):
         library.touch()
         code, err = self.on("--check-only", "--work", self.path("work"), env={"LD_LIBRARY_PATH": self.path("driver")})
         self.assertEqual(code, 0, err)
-        vendors = pathlib.Path(pathlib.Path(self.path("told.vendors")).read_text())
+        vendors = pathlib.Path(pathlib.Path(self.path("device.vendors")).read_text())
         self.assertEqual(vendors, pathlib.Path(self.path("work", "vendors")), err)
         self.assertEqual((vendors / "nvidia.icd").read_text(), f"{library}\n")
 
     def test_wrong_devices(self):
-        for words, told in {"no GPU is among": {"type": "cpu"}, "reconstructs wrongly": {"psnr": 21.5}, "gradients are wrong": {"gradient": 0.12},
+        for words, result in {"no GPU is among": {"type": "cpu"}, "reconstructs wrongly": {"psnr": 21.5}, "gradients are wrong": {"gradient": 0.12},
                             "other numbers for the same": {"drift": 0.01}}.items():
-            code, err = self.on("--check-only", **told)
+            code, err = self.on("--check-only", **result)
             self.assertEqual(code, 1, err)
             self.assertIn(words, err)
 

@@ -60,9 +60,9 @@ class Import(Checkpoints):
         scenes = set()
         for name in ("lightning.ckpt", "bare.pth", "wrapped.pth", "parallel.ckpt", "compiled.ckpt", "strided.ckpt", "more.ckpt"):
             with self.subTest(name=name):
-                told, _ = self.imports(name)
-                self.assertEqual(told["named"], "micro")
-                self.assertEqual(told["config"], self.info(self.model)["config"])
+                result, _ = self.imports(name)
+                self.assertEqual(result["named"], "micro")
+                self.assertEqual(result["config"], self.info(self.model)["config"])
                 self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.model))
                 self.assertIn("imported", self.info(self.path("got.safetensors"))["provenance"]["origin"])
                 self.succeeds("weights", "verify", self.path("got.safetensors"))
@@ -80,10 +80,10 @@ class Import(Checkpoints):
         self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.model))  # doubles whose values floats hold exactly
 
     def test_what_was_left_out_is_listed(self):
-        told, err = self.imports("more.ckpt")
-        self.assertEqual(told["left_out"], ["loss.lpips.weight", "net.encoder.model.head.weight", "net.centers", "epoch", "global_step", "pytorch-lightning_version",
+        result, err = self.imports("more.ckpt")
+        self.assertEqual(result["left_out"], ["loss.lpips.weight", "net.encoder.model.head.weight", "net.centers", "epoch", "global_step", "pytorch-lightning_version",
                                             "loops", "callbacks", "optimizer_states", "lr_schedulers"])
-        for name in told["left_out"]:
+        for name in result["left_out"]:
             self.assertIn(f"left out: {name}\n", err)
         self.assertIn(f"vsplat weights check {self.path('got.safetensors')}", err)
         self.assertEqual(self.imports("bare.pth")[0]["left_out"], [])
@@ -96,13 +96,13 @@ class Import(Checkpoints):
             err = self.refused(f"do not determine {left}:", "other.ckpt", *given, code=2)
             self.assertNotIn("vsplat_", err)
         json.dump({**fields, "views": 2, "image": 24}, open(self.path("fields.json"), "w"))
-        told, _ = self.imports("other.ckpt", "--config", self.path("fields.json"), "--set", "image=16")
-        self.assertIsNone(told["named"])
-        self.assertEqual(told["config"], self.info(self.other)["config"])
+        result, _ = self.imports("other.ckpt", "--config", self.path("fields.json"), "--set", "image=16")
+        self.assertIsNone(result["named"])
+        self.assertEqual(result["config"], self.info(self.other)["config"])
         self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.other))
         # Fields of a named configuration can be changed unless shapes determine them.
-        told, _ = self.imports("lightning.ckpt", "--set", "image=24", "--set", "negate_camera_centre=false")
-        self.assertEqual(told["config"], {**self.info(self.model)["config"], "image": 24, "negate_camera_centre": False})
+        result, _ = self.imports("lightning.ckpt", "--set", "image=24", "--set", "negate_camera_centre=false")
+        self.assertEqual(result["config"], {**self.info(self.model)["config"], "image": 24, "negate_camera_centre": False})
         self.refused(["fine_count", "2", "5"], "lightning.ckpt", "--set", "fine_count=5", code=2)
         self.refused("imaeg", "lightning.ckpt", "--set", "imaeg=5", code=2)
         self.refused("image must be a multiple of patch", "lightning.ckpt", "--set", "image=17", code=2)
@@ -122,7 +122,7 @@ class Import(Checkpoints):
         self.refused(["torch._utils _rebuild_sparse_tensor"], "sparse.ckpt")
         self.refused(["torch ComplexFloatStorage"], "complex.ckpt")
 
-    def test_other_files_are_told_by_name(self):
+    def test_other_files_are_reported_by_name(self):
         for words, name in (("LaRa", "lara.ckpt"), ("GenDen's network", "genden.ckpt"), ("with GenDen's densifier", "densified.ckpt"), ("Plücker", "share.ckpt"),
                             (["DINOv3", "Hugging Face"], "dinov3.pth"), ("no dict", "list.pth"), ("no tensors", "empty.pth"),
                             (["before PyTorch 1.6", "save it again"], "old.pth"), (["protocol 4", "expected 2"], "protocol.pth"),
@@ -152,8 +152,8 @@ class Import(Checkpoints):
     @support.slow
     def test_an_encoder_becomes_a_model_about_it(self):
         """In the quick tests: test_an_encoder, and Dinov3, whose checkpoint becomes a model."""
-        told, err = self.imports("dino.pth")
-        self.assertEqual((told["named"], told["encoder_alone"], told["left_out"]), ("micro", True, []))
+        result, err = self.imports("dino.pth")
+        self.assertEqual((result["named"], result["encoder_alone"], result["left_out"]), ("micro", True, []))
         self.assertIn("vsplat train --init", err)
         self.succeeds("init", "micro", "--seed", 0, "--encoder", self.path("dino.pth"), "--output", self.path("made.safetensors"))
         self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.path("made.safetensors")))
@@ -168,9 +168,9 @@ class Dinov3(support.Case):
     def test_becomes_a_model_that_reconstructs(self):
         self.refuses(2, "do not determine vit_heads, groups, image, volume:", "weights", "import", self.CHECKPOINT, "--output", self.path("none.safetensors"))
         made = self.path("dinov3.safetensors")
-        told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json", *self.FIELDS)[0])
-        self.assertEqual((told["config"]["encoder"], told["config"]["vit_registers"], told["encoder_alone"]), ("dinov3", 2, True))
-        self.assertEqual(sorted(told["left_out"]), ["blocks.0.attn.qkv.bias", "blocks.0.attn.qkv.bias_mask", "mask_token", "rope_embed.periods"])
+        result = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json", *self.FIELDS)[0])
+        self.assertEqual((result["config"]["encoder"], result["config"]["vit_registers"], result["encoder_alone"]), ("dinov3", 2, True))
+        self.assertEqual(sorted(result["left_out"]), ["blocks.0.attn.qkv.bias", "blocks.0.attn.qkv.bias_mask", "mask_token", "rope_embed.periods"])
         self.succeeds("weights", "verify", made)
         self.succeeds("reconstruct", self.views, "--model", made, "--output", self.path("got.ply"))
         fields = [word for field in ("encoder=dinov3", "vit_registers=2", "vit_dim=16") for word in ("--set", field)]
@@ -184,11 +184,11 @@ class Lara(support.Case):
 
     def test_becomes_a_model(self):
         made = self.path("lara.safetensors")
-        told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json")[0])
-        self.assertEqual((told["system"], told["named"], told["parameters"]), ("lara", "micro", 9390))
-        self.assertIn("net.group_centers", told["left_out"])
+        result = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json")[0])
+        self.assertEqual((result["system"], result["named"], result["parameters"]), ("lara", "micro", 9390))
+        self.assertIn("net.group_centers", result["left_out"])
         info = json.loads(self.succeeds("weights", "info", made, "--json")[0])
-        self.assertEqual((info["system"], info["config"]), ("lara", told["config"]))
+        self.assertEqual((info["system"], info["config"]), ("lara", result["config"]))
         self.assertIn("lara", self.succeeds("weights", "info", made)[0])
         self.succeeds("weights", "verify", made)
         self.succeeds("weights", "convert", made, "--dtype", "f16", "--output", self.path("half.safetensors"))
@@ -220,9 +220,9 @@ class Genden(support.Case):
 
     def test_becomes_a_model_and_reconstructs(self):
         made, scenes = self.path("genden.safetensors"), [self.path(f"{name}.ply") for name in ("first", "again", "other")]
-        told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json")[0])
-        self.assertEqual((told["system"], told["named"], told["parameters"]), ("genden", "micro", 21208))
-        self.assertEqual(told["config"]["densify.top_k"], 9)
+        result = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json")[0])
+        self.assertEqual((result["system"], result["named"], result["parameters"]), ("genden", "micro", 21208))
+        self.assertEqual(result["config"]["densify.top_k"], 9)
         self.succeeds("weights", "verify", made)
         for scene, seed in zip(scenes, (0, 0, 4)):
             self.succeeds("reconstruct", self.views, "--model", made, "--center", "0,0,0", "--scale", 1, "--selection-seed", seed, "--output", scene)
@@ -273,14 +273,14 @@ class Mutations:
             with self.subTest(name=name):
                 pathlib.Path(target).write_bytes(data)
                 names = sorted(os.listdir(self.folder))
-                code, told, err = support.run("weights", "import", target, "--output", out, *self.more)
+                code, result, err = support.run("weights", "import", target, "--output", out, *self.more)
                 self.assertFalse(os.path.exists(self.broken.canary), "something was run")
                 if i >= certain and code == 0:  # bits that are never read: dates, padding
                     with open(out, "rb") as f:
                         self.assertEqual(f.read(), self.right)
                     os.remove(out)
                 else:
-                    self.assertEqual((code, told), (1, ""), err)
+                    self.assertEqual((code, result), (1, ""), err)
                     self.assertIn("mutated.ckpt", err)
                     self.assertFalse(any(ord(c) < 32 and c != "\n" for c in err), repr(err))
                     self.assertLess(len(err), 1500)

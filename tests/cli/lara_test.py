@@ -24,9 +24,9 @@ class Lara(support.Case):
         return self.path("scene.ply")
 
     def test_init(self):
-        told = json.loads(self.succeeds("weights", "info", self.lara, "--json")[0])
-        self.assertEqual((told["system"], told["config"]["image"], told["config"]["kind"]), ("lara", 12, "surfel"))
-        self.assertEqual(told["parameters"], 9390)
+        result = json.loads(self.succeeds("weights", "info", self.lara, "--json")[0])
+        self.assertEqual((result["system"], result["config"]["image"], result["config"]["kind"]), ("lara", 12, "surfel"))
+        self.assertEqual(result["parameters"], 9390)
         self.succeeds("weights", "verify", self.lara)
         again = self.path("again.safetensors")
         self.succeeds("init", "micro", "--system", "lara", "--seed", 3, "--output", again)
@@ -51,12 +51,12 @@ class Lara(support.Case):
         """The dump contains all of them."""
         many = self.path("many.safetensors")
         self.succeeds("init", "tiny", "--system", "lara", "--seed", 3, "--set", "volume=15", "--output", many)
-        told = json.loads(self.succeeds("reconstruct", self.views, "--model", many, "--output", self.path("many.ply"), "--dump", self.path("dump"), "--json")[0])
+        result = json.loads(self.succeeds("reconstruct", self.views, "--model", many, "--output", self.path("many.ply"), "--dump", self.path("dump"), "--json")[0])
         with open(self.path("dump", "stages.safetensors"), "rb") as f:
             header = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
-        self.assertGreater(told["gaussians"], 16384)
-        self.assertEqual(header["stage.fine.samples"]["shape"], [told["gaussians"], told["views"], 8])
-        self.assertEqual(header["stage.fine.output"]["shape"][0], told["gaussians"])
+        self.assertGreater(result["gaussians"], 16384)
+        self.assertEqual(header["stage.fine.samples"]["shape"], [result["gaussians"], result["views"], 8])
+        self.assertEqual(header["stage.fine.output"]["shape"][0], result["gaussians"])
 
     def test_a_scene_of_surfels_is_drawn_as_it_was(self):
         self.succeeds("reconstruct", self.views, "--model", self.lara, "--output", self.path("scene.ply"), "--render", "orbit:3", "--images", self.path("once"),
@@ -107,8 +107,8 @@ class LaraTrained(train_support.Case):
                 os.remove(self.path(run, f"checkpoint-{step:08d}.safetensors"))
             self.succeeds(*self.train(config, run, "--resume"))
             self.same_training("whole", run, 6)
-        told = json.loads(self.succeeds("weights", "info", self.path("whole", "model.safetensors"), "--json")[0])
-        self.assertEqual(told["system"], "lara")
+        result = json.loads(self.succeeds("weights", "info", self.path("whole", "model.safetensors"), "--json")[0])
+        self.assertEqual(result["system"], "lara")
         # The trained model can be evaluated, and used with --init.
         scores = json.loads(self.succeeds("evaluate", self.solids, "--model", self.path("whole", "model.safetensors"), "--json", "--sheet", self.path("sheet.png"))[0])
         self.assertEqual(len(scores["objects"]), 3)

@@ -125,8 +125,8 @@ class Live(LiveCase):
 
     def test_the_result_is_the_same(self):
         """The option's place among others does not matter, nor does the page: the bytes are those without it."""
-        self.told(*self.fit("--steps", 30, "--holdout", 1))
-        self.told("fit", "--live", self.photos, "--start", self.ball, "--output", self.path("live.ply"), "--quiet", "--steps", 30, "--holdout", 1)
+        self.json_of(*self.fit("--steps", 30, "--holdout", 1))
+        self.json_of("fit", "--live", self.photos, "--start", self.ball, "--output", self.path("live.ply"), "--quiet", "--steps", 30, "--holdout", 1)
         with open(self.path("out.ply"), "rb") as a, open(self.path("live.ply"), "rb") as b:
             self.assertEqual(a.read(), b.read())
 

@@ -113,8 +113,8 @@ class Mesh(support.Case):
     def test_gaussians_and_surfels(self):
         out, _ = self.succeeds(*self.mesh("--json"))
         points, triangles = self.check_torus(self.path("m.ply"))
-        told = json.loads(out)
-        self.assertEqual((told["vertices"], told["triangles"], told["output"]), (len(points), len(triangles), self.path("m.ply")))
+        result = json.loads(out)
+        self.assertEqual((result["vertices"], result["triangles"], result["output"]), (len(points), len(triangles), self.path("m.ply")))
         self.assertGreater(len(triangles), 8000)
         self.succeeds(*self.mesh("--depth", "expected", output="expected.ply"))
         self.check_torus(self.path("expected.ply"))

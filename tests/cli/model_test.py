@@ -86,7 +86,7 @@ class Model(support.Case):
             out, err = self.succeeds("reconstruct", many, "--output", self.path("x.ply"), "--overwrite", "--json", *more)
             return json.loads(out)["views"], err
 
-        def told(*more):
+        def result(*more):
             return json.loads(self.succeeds("reconstruct", many, "--dry-run", "--json", *more)[0])[0]["what"]
 
         used, err = views("--model", self.model)
@@ -98,12 +98,12 @@ class Model(support.Case):
         used, err = views("--model", own)
         self.assertEqual(used, 7)
         self.assertIn("7 of 20 pictures used; --view-count 16 uses more", err)
-        self.assertIn("7 views", told("--model", own))
+        self.assertIn("7 views", result("--model", own))
         self.assertNotIn("warning", self.succeeds("reconstruct", self.views, "--model", own, "--output", self.path("few.ply"))[1])
         used, err = views("--model", own, "--view-count", 16)
         self.assertEqual(used, 16)
         self.assertIn("16 of 20 pictures used, as many as the network takes", err)
-        self.assertIn("3 views", told("--model", own, "--view-count", 3))
+        self.assertIn("3 views", result("--model", own, "--view-count", 3))
         _, err = views("--model", own, "--views", "@0,@1")               # named views need no default number
         self.assertNotIn("pictures used", err)
         # The published protocol has its own number of views.
@@ -133,9 +133,9 @@ class Model(support.Case):
 
     def test_the_example_of_the_help_finds_the_skull(self):
         skull = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "examples", "data", "painted_skull")
-        told = re.search(r"--views (\S+) --center (\S+) --scale (\S+)", self.succeeds("reconstruct", "--help")[0])
-        _, err = self.succeeds("reconstruct", skull, "--model", self.model, "--output", self.path("x.ply"), "--views", told.group(1), "--center",
-                               told.group(2), "--scale", told.group(3))
+        result = re.search(r"--views (\S+) --center (\S+) --scale (\S+)", self.succeeds("reconstruct", "--help")[0])
+        _, err = self.succeeds("reconstruct", skull, "--model", self.model, "--output", self.path("x.ply"), "--views", result.group(1), "--center",
+                               result.group(2), "--scale", result.group(3))
         self.assertNotIn("is behind", err)
 
 

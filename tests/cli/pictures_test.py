@@ -90,15 +90,15 @@ class Pictures(support.Case):
 
     def test_supersampling(self):
         """If a scene states its detail, a small picture of it is the mean of a finer one."""
-        told = self.path("told.ply")
+        report = self.path("report.ply")
         text = pathlib.Path(self.path("scene.ply")).read_bytes()
-        pathlib.Path(told).write_bytes(text.replace(b"end_header", b"comment vsplat detail 0.001 0 0 0\nend_header", 1))
+        pathlib.Path(report).write_bytes(text.replace(b"end_header", b"comment vsplat detail 0.001 0 0 0\nend_header", 1))
         def drawn(folder, scene, *more, size="24x24"):
             self.succeeds("render", scene, "--cameras", "orbit:3", "--size", size, "--images", self.path(folder), *more)
             return [support.read_png(self.path(folder, f"{i:04}.png"))[2] for i in range(3)]
         plain, eight = drawn("plain", self.path("scene.ply")), drawn("eight", self.path("scene.ply"), "--supersample", 8)
-        self.assertEqual(drawn("auto", told), eight)
-        self.assertEqual(drawn("one", told, "--supersample", 1), plain)
+        self.assertEqual(drawn("auto", report), eight)
+        self.assertEqual(drawn("one", report, "--supersample", 1), plain)
         self.assertNotEqual(plain, eight)
         large = drawn("large", self.path("scene.ply"), size="192x192")
         for small, picture in zip(eight, large):
@@ -108,16 +108,16 @@ class Pictures(support.Case):
                         values = [picture[3 * ((8 * y + j) * 192 + 8 * x + i) + c] for j in range(8) for i in range(8)]
                         self.assertAlmostEqual(small[3 * (24 * y + x) + c], sum(values) / 64, delta=1.01)
         for wrong in ("0", "9", "two", "-1"):
-            self.refuses(2, ["--supersample", wrong, "1 to 8"], "render", told, "--cameras", "orbit:3", "--images", self.path("no"),
+            self.refuses(2, ["--supersample", wrong, "1 to 8"], "render", report, "--cameras", "orbit:3", "--images", self.path("no"),
                          f"--supersample={wrong}")
 
     def test_what_is_reconstructed_tells_how_fine_it_is(self):
         self.succeeds(*self.reconstruct("--center", "0.1,0.2,0.3", "--scale", 1.5, "--views", "0,1,2"))
         with open(self.path("out.ply"), "rb") as f:
             header = f.read(2000).split(b"end_header")[0].decode()
-        told = [line.split()[3:] for line in header.splitlines() if line.startswith("comment vsplat detail ")]
-        self.assertEqual(len(told), 1, header)
-        width, *at = map(float, told[0])
+        report = [line.split()[3:] for line in header.splitlines() if line.startswith("comment vsplat detail ")]
+        self.assertEqual(len(report), 1, header)
+        width, *at = map(float, report[0])
         for a, b in zip(at, (0.1, 0.2, 0.3)):
             self.assertAlmostEqual(a, b, 6)
         views = json.loads(pathlib.Path(self.views).read_text())

@@ -14,13 +14,13 @@ class Precision(support.Case):
         with open(self.path(name), "rb") as scene:
             return scene.read(), json.loads(out), err
 
-    def test_mixed_is_told_and_gives_the_same_bytes(self):
-        exact, told, err = self.reconstructed("fp32.ply", "--kernels", "gpu", "--gemm", "own")
-        self.assertEqual(told["precision"], "fp32")
-        self.assertNotIn("matrix_unit", told)
+    def test_mixed_is_reported_and_gives_the_same_bytes(self):
+        exact, result, err = self.reconstructed("fp32.ply", "--kernels", "gpu", "--gemm", "own")
+        self.assertEqual(result["precision"], "fp32")
+        self.assertNotIn("matrix_unit", result)
         self.assertNotIn("mixed", err)
-        mixed, told, err = self.reconstructed("mixed.ply", "--precision", "mixed", "--profile", self.path("p.json"))
-        self.assertEqual((told["precision"], told["matrix_unit"]), ("mixed", "emulated"))
+        mixed, result, err = self.reconstructed("mixed.ply", "--precision", "mixed", "--profile", self.path("p.json"))
+        self.assertEqual((result["precision"], result["matrix_unit"]), ("mixed", "emulated"))
         self.assertIn("gpu kernels, mixed precision (emulated)", err)
         self.assertIn("slower than fp32", err)
         with open(self.path("p.json")) as profile:
@@ -57,15 +57,15 @@ class Precision(support.Case):
         self.refuses(2, ["avx512_bf16", "ask for the gpu kernels"], *self.reconstruct("--precision", "mixed", "--kernels", "cpu"), env=without)
         named = {**without, "VSPLAT_MATRIX": "avx512bf16"}
         self.refuses(1, ["VSPLAT_MATRIX=avx512bf16", "avx512_bf16 instructions"], *self.reconstruct("--precision", "mixed"), env=named)
-        scene, told, err = self.reconstructed("emulated.ply", "--precision", "mixed", "--kernels", "cpu")
-        self.assertEqual(told["matrix_unit"], "emulated")
+        scene, result, err = self.reconstructed("emulated.ply", "--precision", "mixed", "--kernels", "cpu")
+        self.assertEqual(result["matrix_unit"], "emulated")
         self.assertIn("cpu kernels, mixed precision (emulated)", err)
         self.assertEqual(self.reconstructed("once_more.ply", "--precision", "mixed", "--kernels", "cpu")[0], scene)
 
     def test_the_processors_instructions_are_used_when_they_are_there(self):
         env = {"VSPLAT_MATRIX_LEAST": "1", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
-        scene, told, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
-        if told["matrix_unit"] != "avx512bf16":
+        scene, result, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
+        if result["matrix_unit"] != "avx512bf16":
             self.skipTest("a device without them")
         self.assertIn("cpu kernels, mixed precision (avx512bf16)", err)
         self.assertNotIn("slower than fp32", err)
@@ -77,12 +77,12 @@ class Precision(support.Case):
     def test_units_that_do_not_work_are_left_out_and_remembered(self):
         """Units requested by name on a device that lacks them: their test fails, is reported once, and the emulated ones are used."""
         env = {**EMULATED, "VSPLAT_MATRIX": "wmma", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
-        scene, told, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
-        if told["matrix_unit"] == "wmma":
+        scene, result, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
+        if result["matrix_unit"] == "wmma":
             self.skipTest("a device that has them")
-        self.assertEqual(told["matrix_unit"], "emulated")
+        self.assertEqual(result["matrix_unit"], "emulated")
         self.assertIn("matrix units (wmma) are not used, since their test failed", err)
-        again, told, err = self.reconstructed("two.ply", "--precision", "mixed", env=env)
+        again, result, err = self.reconstructed("two.ply", "--precision", "mixed", env=env)
         self.assertNotIn("their test failed", err)
         self.assertIn("mixed precision (emulated)", err)
         self.assertEqual(scene, again)
@@ -92,8 +92,8 @@ class Precision(support.Case):
         """PoCL's compiler ends the process on NVIDIA's instructions; on other drivers they either do not compile, or work."""
         env = {**EMULATED, "VSPLAT_MATRIX": "ptx", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
         support.run(*self.reconstruct("--precision", "mixed"), env=env)
-        _, told, err = self.reconstructed("one.ply", "--precision", "mixed", "--verbose", env=env)
-        if told["matrix_unit"] == "emulated":
+        _, result, err = self.reconstructed("one.ply", "--precision", "mixed", "--verbose", env=env)
+        if result["matrix_unit"] == "emulated":
             self.assertIn("matrix units (ptx) not used", err)
 
 

@@ -203,7 +203,7 @@ class Diff(unittest.TestCase):
         self.assertEqual([row["name"] for row in found["slower"]], ["wall", "splat"])
         self.assertAlmostEqual(next(row for row in found["stages"] if row["name"] == "splat")["slower_by"], 1.0)
 
-    def test_profiles_of_other_things_are_told(self):
+    def test_profiles_of_other_things_are_reported(self):
         _, _, err = self.diff(self.write("a.json"), self.write("b.json", device="another", driver="2"))
         self.assertIn("the devices differ: a device and another", err)
         self.assertIn("the drivers differ", err)

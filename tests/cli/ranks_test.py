@@ -126,7 +126,7 @@ class Ranks(train_support.Case):
         done = subprocess.run([*LAUNCH, "-n", "2", "sh", "-c", command], capture_output=True, text=True, timeout=support.PATIENCE, stdin=subprocess.DEVNULL)
         self.assertEqual(len(json.loads(done.stdout)["objects"]), 2, done.stderr)
 
-    def test_one_that_is_told_to_stop_holds_nobody_up(self):
+    def test_one_that_is_asked_to_stop_delays_no_other(self):
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
         views = os.path.join(self.solids, sorted(os.listdir(self.solids))[0])
@@ -154,16 +154,16 @@ class Ranks(train_support.Case):
         objects = sorted(os.path.join(self.solids, name) for name in os.listdir(self.solids))
         pathlib.Path(self.path("list.txt")).write_text("".join(f"{o}\ta{i}\n{o}\tb{i}\n" for i, o in enumerate(objects)) + self.path("gone") + "\n")
         arguments = ("reconstruct", "--list", self.path("list.txt"), "--model", model, "--json")
-        told = {}
+        result = {}
         for count in (1, 2, 4):
             code, out, err = ranks(count, *arguments, "--output", self.path(f"out{count}"))
             self.assertEqual(code, 1, err)
             self.assertIn(f"1 of {2 * len(objects) + 1} objects could not", err)
-            told[count] = [os.path.basename(o["output"]) for o in json.loads(out)["objects"]]
+            result[count] = [os.path.basename(o["output"]) for o in json.loads(out)["objects"]]
             for name in os.listdir(self.path("out1")):
                 self.assertEqual(self.read("out1", name), self.read(f"out{count}", name), name)
-        self.assertEqual(told[1], told[2])
-        self.assertEqual(told[1], told[4])
+        self.assertEqual(result[1], result[2])
+        self.assertEqual(result[1], result[4])
         _, _, err = ranks(2, *arguments, "--output", self.path("out2"), "--skip-existing")
         self.assertIn(f"0 scenes, {2 * len(objects)} were there", err)
 

@@ -46,44 +46,44 @@ class Report(support.Case):
         self.keep("verdicts/a.json", json.dumps(verdict))
         self.keep("verdicts/damaged.json", "{")
         self.keep("verdicts/big.json", "[" + "1," * 200000 + "1]")
-        told, text, _ = self.report()
-        self.assertEqual((told["format"], "vsplat " + told["version"]), ("vsplat-report", support.run("--version")[1].strip()))
-        self.assertEqual(sorted(told), sorted(["format", "version", "made", "system", "environment", "doctor", "device", "run", "kept"]))
-        kept = {k["file"]: k for k in told["kept"]}
+        result, text, _ = self.report()
+        self.assertEqual((result["format"], "vsplat " + result["version"]), ("vsplat-report", support.run("--version")[1].strip()))
+        self.assertEqual(sorted(result), sorted(["format", "version", "made", "system", "environment", "doctor", "device", "run", "kept"]))
+        kept = {k["file"]: k for k in result["kept"]}
         self.assertEqual(kept["verdicts/a.json"]["content"], {**verdict, "log": "~/log of USER on HOST" if host != "localhost" else verdict["log"]})
         self.assertEqual(kept["verdicts/damaged.json"]["bytes"], 1)
         self.assertNotIn("content", kept["verdicts/big.json"])
-        self.assertEqual(told["environment"]["VSPLAT_CACHE_DIR"], "~/kept")
-        self.assertTrue(told["environment"]["LD_LIBRARY_PATH"].startswith("~/lib:/home/USER/lib:"))
-        self.assertEqual(told["doctor"]["caches"][0]["path"], "~/kept")
+        self.assertEqual(result["environment"]["VSPLAT_CACHE_DIR"], "~/kept")
+        self.assertTrue(result["environment"]["LD_LIBRARY_PATH"].startswith("~/lib:/home/USER/lib:"))
+        self.assertEqual(result["doctor"]["caches"][0]["path"], "~/kept")
         # The standard run on the default device, with its profile; the peaks that it measured are included.
-        device = told["device"]
-        self.assertIn(device["name"], [d["name"] for d in told["doctor"]["devices"]])
-        self.assertGreater(told["run"]["check"]["psnr"], told["run"]["check"]["psnr_nearest"])
-        profile = told["run"]["profile"]
+        device = result["device"]
+        self.assertIn(device["name"], [d["name"] for d in result["doctor"]["devices"]])
+        self.assertGreater(result["run"]["check"]["psnr"], result["run"]["check"]["psnr_nearest"])
+        profile = result["run"]["profile"]
         self.assertEqual(profile["device"], device["name"])
         self.assertIn("gemm", " ".join(k["name"] for k in profile["kernels"]))
         self.assertGreater(profile["peaks"]["gflops"], 0)
-        self.assertIn(profile["peaks"]["gflops"], [k["content"].get("gflops") for k in told["kept"] if k["file"].endswith(".bin")])
+        self.assertIn(profile["peaks"]["gflops"], [k["content"].get("gflops") for k in result["kept"] if k["file"].endswith(".bin")])
         self.impersonal(text)
         self.assertLess(len(text), 2 << 20)
 
     def test_a_name_that_is_a_part_of_a_fact(self):
         facts = {"device": "a vsplat of debian", "driver": "3.1+debian", "verdict": "degraded"}
         self.keep("verdicts/a.json", json.dumps({**facts, "log": "of debian"}))
-        told, _, _ = self.report("--no-run", env={"USER": "debian", "LOGNAME": "vsplat", "VSPLAT_TUNING": "/data/debian/a.json"})
+        result, _, _ = self.report("--no-run", env={"USER": "debian", "LOGNAME": "vsplat", "VSPLAT_TUNING": "/data/debian/a.json"})
         as_ever, _, _ = self.report("--no-run", env={"VSPLAT_TUNING": "/data/debian/a.json"})
-        self.assertEqual((told["format"], told["version"]), ("vsplat-report", as_ever["version"]))
-        self.assertEqual(told["kept"][0]["content"], {**facts, "log": "of USER"})
-        self.assertEqual(told["environment"]["VSPLAT_TUNING"], "/data/USER/a.json")
-        self.assertTrue(told["doctor"]["devices"])
-        self.assertEqual(told["doctor"]["devices"], as_ever["doctor"]["devices"])
-        self.assertEqual([d["platforms"] for d in told["doctor"]["drivers"]], [d["platforms"] for d in as_ever["doctor"]["drivers"]])
+        self.assertEqual((result["format"], result["version"]), ("vsplat-report", as_ever["version"]))
+        self.assertEqual(result["kept"][0]["content"], {**facts, "log": "of USER"})
+        self.assertEqual(result["environment"]["VSPLAT_TUNING"], "/data/USER/a.json")
+        self.assertTrue(result["doctor"]["devices"])
+        self.assertEqual(result["doctor"]["devices"], as_ever["doctor"]["devices"])
+        self.assertEqual([d["platforms"] for d in result["doctor"]["drivers"]], [d["platforms"] for d in as_ever["doctor"]["drivers"]])
 
     def test_without_a_run(self):
-        told, text, _ = self.report("--no-run")
-        self.assertIsNone(told["run"])
-        self.assertIsNone(told["device"])
+        result, text, _ = self.report("--no-run")
+        self.assertIsNone(result["run"])
+        self.assertIsNone(result["device"])
         self.impersonal(text)
 
     def test_nothing_else_of_the_environment_and_the_folder(self):
@@ -95,18 +95,18 @@ class Report(support.Case):
         self.keep("verdicts/deep.json", "[" * 120000 + "]" * 120000)
         self.keep("verdicts/twice.json", '{"a": 1, "a": 2}')
         names = ("NVIDIA_API_KEY", "NEO4J_PASSWORD", "GPU_TOKEN", "VSPLAT_SECRET", "POCL_AUTH", "MESA_KEY", "HIP_PASS", "CUDA_CACHE_KEY")
-        told, text, _ = self.report("--no-run", env={**{name: "hunter2" for name in names}, "CUDA_VISIBLE_DEVICES": "0"})
+        result, text, _ = self.report("--no-run", env={**{name: "hunter2" for name in names}, "CUDA_VISIBLE_DEVICES": "0"})
         self.assertNotIn("hunter2", text)
-        self.assertEqual(told["environment"]["CUDA_VISIBLE_DEVICES"], "0")
-        self.assertEqual([set(names) & set(told["environment"])], [set()])
-        self.assertEqual({k["file"]: k.get("bytes") for k in told["kept"]}, {"verdicts/deep.json": 240000, "verdicts/twice.json": 16})
+        self.assertEqual(result["environment"]["CUDA_VISIBLE_DEVICES"], "0")
+        self.assertEqual([set(names) & set(result["environment"])], [set()])
+        self.assertEqual({k["file"]: k.get("bytes") for k in result["kept"]}, {"verdicts/deep.json": 240000, "verdicts/twice.json": 16})
 
     def test_without_a_device(self):
         nowhere = os.path.join(self.home, "nowhere")
-        told, text, err = self.report(env={"OCL_ICD_VENDORS": nowhere})
+        result, text, err = self.report(env={"OCL_ICD_VENDORS": nowhere})
         self.assertIn("no device is opened", err)
-        self.assertIsNone(told["run"])
-        self.assertIn("OCL_ICD_VENDORS=~/nowhere is not there", told["doctor"]["findings"][0]["found"])
+        self.assertIsNone(result["run"])
+        self.assertIn("OCL_ICD_VENDORS=~/nowhere is not there", result["doctor"]["findings"][0]["found"])
         self.impersonal(text)
 
     def test_a_driver_that_crashes_leaves_the_report(self):
@@ -118,8 +118,8 @@ class Report(support.Case):
                        input="#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) { abort(); }\n")
         os.mkdir(vendors)
         pathlib.Path(os.path.join(vendors, "crash.icd")).write_text(library + "\n")
-        told, _, _ = self.report(env={"OCL_ICD_VENDORS": vendors})
-        self.assertEqual([d["state"] for d in told["doctor"]["drivers"]], ["crashed"])
+        result, _, _ = self.report(env={"OCL_ICD_VENDORS": vendors})
+        self.assertEqual([d["state"] for d in result["doctor"]["drivers"]], ["crashed"])
 
     def test_nothing_is_written_over(self):
         pathlib.Path(self.path("report.json")).write_text("mine")

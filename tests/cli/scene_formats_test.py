@@ -21,7 +21,7 @@ class SceneFormats(support.Case):
             shutil.copy(GOLDEN / name, other)
             self.assertEqual(self.render(other)[0], picture, name)
 
-    def test_degree_4_is_told_of_once(self):
+    def test_degree_4_is_reported_of_once(self):
         for name in ("degree4.ply", "version4_degree4.spz"):
             _, said = self.render(GOLDEN / name)
             self.assertEqual(said.count("degree 4: they are drawn up to degree 3"), 1, said)

@@ -70,9 +70,9 @@ class Scenes(support.Case):
         """Every eighth view by name, from the first; the figures are those of vsplat render --compare."""
         self.colmap("set", count=17)
         sets = [{"name": "ready", "views": "set/sparse/0", "pictures": "set/images", "scene": self.scene("ball.ply"), "size": "full"}]
-        (told,) = json.loads(self.succeeds(*self.list(sets), "--dry-run", "--json")[0])
-        self.assertEqual([os.path.basename(name) for name in told["held_out"]], ["000.JPG", "008.JPG", "016.JPG"])
-        self.assertEqual((told["fitted"], told["size"], told["scene"]), (14, "full", self.path("ball.ply")))
+        (result,) = json.loads(self.succeeds(*self.list(sets), "--dry-run", "--json")[0])
+        self.assertEqual([os.path.basename(name) for name in result["held_out"]], ["000.JPG", "008.JPG", "016.JPG"])
+        self.assertEqual((result["fitted"], result["size"], result["scene"]), (14, "full", self.path("ball.ply")))
         out, _ = self.succeeds(*self.list(sets), "--json", "--output", self.path("t.md"), "--output", self.path("t.csv"), "--output", self.path("t.json"))
         (row,) = json.loads(out)["sets"]
         self.assertEqual(json.load(open(self.path("t.json")))["sets"], [row])
@@ -98,11 +98,11 @@ class Scenes(support.Case):
         fit = {"start": "points", "steps": 4, "seed": 3}
         sets = [{"name": "a", "views": "set/sparse/0", "pictures": "set/images", "size": 16, "fit": fit, "output": "made/a.ply"},
                 {"name": "b", "views": "large/sparse/0", "pictures": "large/images", "background": "black", "fit": fit}]
-        told = json.loads(self.succeeds(*self.list(sets), "--json", "--quiet")[0])
-        a, b = told["sets"]
+        result = json.loads(self.succeeds(*self.list(sets), "--json", "--quiet")[0])
+        a, b = result["sets"]
         self.assertEqual((a["size"], a["pictures"], a["steps"], b["size"]), ([16, 12], 2, 4, [72, 64]))
         for figure in FIGURES:
-            self.assertAlmostEqual(told["mean"][figure], (a[figure] + b[figure]) / 2)
+            self.assertAlmostEqual(result["mean"][figure], (a[figure] + b[figure]) / 2)
         self.assertGreater(a["seconds"], 0)
         self.assertGreater(a["peak_mib"], 0)
         record = json.load(open(self.path("made", "a.fit.json")))
@@ -155,7 +155,7 @@ class Scenes(support.Case):
         self.assertEqual(code, 1)
         self.assertIn("no pixel of the 3 pictures is inside its mask", err)
 
-    def test_a_set_that_fails_is_told_and_the_others_go_on(self):
+    def test_a_set_that_fails_is_reported_and_the_others_go_on(self):
         self.colmap("set")
         self.colmap("holes")
         os.remove(self.path("holes", "images", "008.JPG"))
@@ -218,9 +218,9 @@ class Scenes(support.Case):
                     s["fit"]["steps"] = 2
                     if s["fit"]["start"] == "random":
                         s["fit"]["max-gaussians"] = 200
-                told = json.loads(self.succeeds(*self.list(sets, name), "--json", "--quiet")[0])
-                self.assertEqual([row["name"] for row in told["sets"]], [s["name"] for s in sets])
-                for row in told["sets"]:
+                result = json.loads(self.succeeds(*self.list(sets, name), "--json", "--quiet")[0])
+                self.assertEqual([row["name"] for row in result["sets"]], [s["name"] for s in sets])
+                for row in result["sets"]:
                     self.assertEqual((row["size"], row["steps"]), ([20, 20] if synthetic else [24, 18], 2), row)
                     self.assertGreater(row["psnr"], 3)
 

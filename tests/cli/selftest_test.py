@@ -182,8 +182,8 @@ class Selftest(SelftestCase):
         loop = "  TILE_UNROLL\n  for (int s = 0; s < BK; ++s) {\n"
         env = self.plant(("tile_gpu.clh", loop, "#if defined(UNROLL) && UNROLL == 2\n  for (int s = 0; s < BK / 8; ++s) {\n#else\n" + loop + "#endif\n"))
         # A table without findings so far, with the network's shapes: a search would take too long on a slow machine.
-        told = json.loads(self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--json", *gpu, env=env)[0])
-        shape = next(one["shape"] for one in told["shapes"] if one["op"] == "conv3d")
+        result = json.loads(self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--json", *gpu, env=env)[0])
+        shape = next(one["shape"] for one in result["shapes"] if one["op"] == "conv3d")
         [path] = tables(self.cache)
         table = json.loads(pathlib.Path(path).read_text())
         wrong = {"op": "conv3d", "shape": shape, "set": {"tile": 64, "unroll": 2}}

@@ -61,8 +61,8 @@ class Share(support.Case):
 
     @support.slow
     def test_devices_of_two_platforms_agree(self):
-        told = json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])
-        if len({device["platform"] for device in told}) < 2:
+        result = json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])
+        if len({device["platform"] for device in result}) < 2:
             self.skipTest("there is one platform")
         self.succeeds("dataset", "procedural", "--count", 4, "--solids", "--output", self.path("set"), "--views", 9, "--size", self.SIDE, "--seed", 4)
         evaluation = lambda devices: json.loads(self.succeeds("evaluate", self.path("set"), "--model", self.model, "--json", "-d", devices, env=PLATFORMS)[0])
@@ -108,9 +108,9 @@ class Share(support.Case):
         done = subprocess.run([support.VSPLAT, *arguments, "--output", self.path("out"), "--json"], input="\n".join(objects), text=True,
                               capture_output=True, timeout=support.PATIENCE)
         self.assertEqual(done.returncode, 0, done.stderr)
-        told = json.loads(done.stdout)
-        self.assertEqual([o["output"] for o in told["objects"]], [self.path("out", f"object{i}.ply") for i in range(2)])
-        self.assertTrue(all(o["gaussians"] >= 0 and o["seconds"] > 0 for o in told["objects"]))
+        result = json.loads(done.stdout)
+        self.assertEqual([o["output"] for o in result["objects"]], [self.path("out", f"object{i}.ply") for i in range(2)])
+        self.assertTrue(all(o["gaussians"] >= 0 and o["seconds"] > 0 for o in result["objects"]))
 
     def test_what_cannot_be_read_takes_nothing_with_it(self):
         objects = self.listed(4)

@@ -76,9 +76,9 @@ class Tables(support.Case):
                     self.assertGreater(plan["peak_bytes"], 0)
                 self.assertEqual((table["size"], table["lpips"]), (512, "lpips"))
                 json.dump({**table, "size": 64}, open(path, "w"))  # the minimum for LPIPS
-                told = json.loads(self.succeeds("evaluate", "--table", path, "--json")[0])["rows"]
-                self.assertEqual([(row["views"], row["system"]) for row in told], [(v["name"], s["name"]) for v in table["views"] for s in table["systems"]])
-                for row in told:
+                result = json.loads(self.succeeds("evaluate", "--table", path, "--json")[0])["rows"]
+                self.assertEqual([(row["views"], row["system"]) for row in result], [(v["name"], s["name"]) for v in table["views"] for s in table["systems"]])
+                for row in result:
                     self.assertEqual((row["objects"], row["skipped"]), (2 if name == "co3d.json" else 1, 0))
                     self.assertIsInstance(row["lpips_alex"], float)
         self.assertEqual(used, set(MODELS))

@@ -41,8 +41,8 @@ class Train(train_support.Case):
         self.assertEqual(json.loads(self.succeeds("train", "--print-config", *noise)[0])["pose_noise"], 0.03)
         stages = self.path("stages.json")
         json.dump({"model": "micro", "stages": [{"steps": 5}, {"steps": 6, "pose_noise": 0.5}]}, open(stages, "w"))
-        told = json.loads(self.succeeds("train", stages, "--print-config", *noise)[0])
-        self.assertEqual([stage["pose_noise"] for stage in told["stages"]], [0.03, 0.03])
+        report = json.loads(self.succeeds("train", stages, "--print-config", *noise)[0])
+        self.assertEqual([stage["pose_noise"] for stage in report["stages"]], [0.03, 0.03])
         self.refuses(2, "--pose-noise", "train", stages, "--print-config", "--pose-noise", 2)
         config, losses = self.config(steps=2, log_every=1), []
         for run, more in (("plain", ()), ("noisy", noise), ("again", noise)):
@@ -217,7 +217,7 @@ class Train(train_support.Case):
         self.refuses(2, ["--textures", "procedural"], *self.train(self.config("none.json", procedural=0), "new", *textures))
         self.refuses(1, "nowhere", "train", all_drawn, "--output", self.path("new"), "--textures", self.path("nowhere"))
 
-    def test_schedules_that_do_not_end_are_told(self):
+    def test_schedules_that_do_not_end_are_reported(self):
         _, err = self.succeeds(*self.train(self.config(steps=2, warmup=2, tau_steps=50000), "run"))
         self.assertIn("warning: the learning rate rises for 2 of 2 steps", err)
         self.assertIn('warning: the temperature ends at 1.00 and not at "tau_last"', err)
@@ -267,7 +267,7 @@ class Train(train_support.Case):
         self.assertIn(f"going on from step {step}", err)
         self.same_training("whole", "stopped", 60)
 
-    def test_first_steps_are_told_and_how_long_it_takes(self):
+    def test_first_steps_are_reported_and_how_long_it_takes(self):
         config = self.config(steps=1000000000, log_every=1000000, checkpoint_every=0)
         process = self.start(*self.train(config, "long"))
         lines = []

@@ -63,23 +63,23 @@ class Tuned:
 class Searching(Tuned, support.Case):
     def begun(self):
         """Runs until some sets were tried, however many a machine tries in a second. Returns the last progress message."""
-        told = {"tried": 0}
+        result = {"tried": 0}
         for _ in range(60):
             before = len(self.table()[1]["tried"]) if tables(self.path("cache")) else 0
-            told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1)
+            result, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1)
             path, table = self.table()
-            self.assertEqual((told["path"], told["table"]), (path, table["hash"]))
-            self.assertEqual(told["refused"], [], err)
-            self.assertEqual(told["not_right"], [])
-            self.assertGreater(told["tried"], 0)
-            self.assertEqual(len(table["tried"]), before + told["tried"])
+            self.assertEqual((result["path"], result["table"]), (path, table["hash"]))
+            self.assertEqual(result["refused"], [], err)
+            self.assertEqual(result["not_right"], [])
+            self.assertGreater(result["tried"], 0)
+            self.assertEqual(len(table["tried"]), before + result["tried"])
             if len(table["tried"]) > 5:
                 break
         self.assertGreater(len(table["tried"]), 5)
         self.assertEqual({t["verdict"] for t in table["tried"]} - {"default", "best", "slower"}, set())
         self.assertLessEqual(max(t["error"] for t in table["tried"]), 1e-4)
         self.assertGreater(max(t["error"] for t in table["tried"]), 0, "nothing was held against anything")
-        for one in told["chosen"]:
+        for one in result["chosen"]:
             self.assertGreaterEqual(one["times_as_fast"], 1 / 0.97 - 1e-9, one)
 
     def to_the_end(self, *job):
@@ -118,18 +118,18 @@ class Tune(Searching):
         self.begun()
         self.to_the_end("--model", self.model, "--for", "reconstruct")
 
-    def test_a_table_is_told_and_gives_the_same_bytes(self):
+    def test_a_table_is_reported_and_gives_the_same_bytes(self):
         for flavour in ("cpu", "gpu"):
-            told, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--kernels", flavour,
+            result, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1e-9, "--kernels", flavour,
                                 "--output", self.path(f"{flavour}.json"))
-            self.assertGreater(told["left"], 0)
+            self.assertGreater(result["left"], 0)
             with open(self.path(f"{flavour}.json")) as f:
                 empty = json.load(f)  # the file exists even if nothing was tried in so short a time
             self.assertEqual((empty["chosen"], empty["tried"]), ([], []))
             # Tiles and attention with other sizes than the defaults, at the model's shapes.
             entries = {"cpu": {"op": "attention_forward", "set": {"rows": 4, "panels": 1}},
                        "gpu": {"op": "gemm", "set": {"tile": 128, "unroll": 8, "split": 1}}}[flavour]
-            shape = next(t["shape"] for t in told["shapes"] if t["op"] == entries["op"])
+            shape = next(t["shape"] for t in result["shapes"] if t["op"] == entries["op"])
             table = with_choice(empty, {"op": entries["op"], "shape": shape, "set": entries["set"]})
             env = self.tune_environment(VSPLAT_TUNING=self.write(f"{flavour}-table.json", table))
             results = []
@@ -164,12 +164,12 @@ class Tune(Searching):
         env = self.tune_environment(VSPLAT_KERNEL_DIR=folder)
         said = ""
         for _ in range(60):  # its progress within the time limit is unknown
-            told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 3, "--kernels", "gpu", env=env)
+            result, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 3, "--kernels", "gpu", env=env)
             said += err
-            wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
+            wrong = [one for one in result["refused"] if one["op"] in ("gemm", "conv3d")]
             if len(wrong) > 1:
                 break
-        for one in told["refused"]:
+        for one in result["refused"]:
             self.assertEqual((one["verdict"], one["set"]["unroll"]), ("wrong", 2), one)
             self.assertGreater(one["error"], 1e-2)
             shape = " ".join(f"{name}={value}" for name, value in one["shape"].items())
@@ -191,11 +191,11 @@ class Tune(Searching):
         right = "out_values[to] = values ? values[i] : i;"
         self.assertIn(right, text)
         pathlib.Path(path).write_text(text.replace(right, "out_values[to] = 0;"))
-        told, err = self.tune("--model", self.model, "--for", "render", "--seconds", 60, env=self.tune_environment(VSPLAT_KERNEL_DIR=folder), code=1)
-        self.assertTrue(told["not_right"])
-        self.assertTrue(all(name.startswith("radix_sort ") for name in told["not_right"]))
+        result, err = self.tune("--model", self.model, "--for", "render", "--seconds", 60, env=self.tune_environment(VSPLAT_KERNEL_DIR=folder), code=1)
+        self.assertTrue(result["not_right"])
+        self.assertTrue(all(name.startswith("radix_sort ") for name in result["not_right"]))
         # For other operations a set may be faster than the default, and then there is a table.
-        self.assertEqual([one for one in told["chosen"] if one["op"] == "radix_sort"], [])
+        self.assertEqual([one for one in result["chosen"] if one["op"] == "radix_sort"], [])
         self.assertIn("no set of parameters is right", err)
 
     def test_killed_it_loses_nothing(self):
@@ -214,10 +214,10 @@ class Tune(Searching):
         before = finished()
         self.assertGreaterEqual(len(before), 4)
         self.assertEqual(os.stat(self.path("cache")).st_mode & 0o77, 0, "a cache's folder is its owner's alone")
-        told, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 2)
+        result, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 2)
         after = finished()
         self.assertEqual(sets_of(after)[:len(before)], sets_of(before))
-        self.assertEqual(len(after), len(before) + told["tried"])
+        self.assertEqual(len(after), len(before) + result["tried"])
 
     def test_stopped_it_keeps_what_was_tried(self):
         path = self.path("stopped.json")
@@ -246,9 +246,9 @@ class Tune(Searching):
                                "--output", self.write("kept.json", {**kept, "tried": lines}), env=self.tune_environment())
         self.assertIn("refused, wrong: some values are no numbers\n", out)
         self.assertIn("refused, it does not run\n", out)
-        told, err = self.tune("--for", "render", "--seconds", 2, "--max-memory", 0.005)
+        result, err = self.tune("--for", "render", "--seconds", 2, "--max-memory", 0.005)
         self.assertIn("not tried: ", err)
-        self.assertEqual((told["refused"], told["not_right"]), ([], []), err)
+        self.assertEqual((result["refused"], result["not_right"]), ([], []), err)
         of_gpu = {"VSPLAT_TUNING": self.path("gpu.json")}
         self.refuses(2, [self.path("gpu.json"), "VSPLAT_TUNING", "gpu kernels", "cpu kernels", "VSPLAT_TUNING=off"],
                      *self.reconstruct("--kernels", "cpu"), env=of_gpu)

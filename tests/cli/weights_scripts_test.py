@@ -34,15 +34,15 @@ class Scripts(support.Case):
             self.skipTest("without numpy")
 
     def mean(self, *arguments):
-        code, told = script("mean.py", *arguments)
-        self.assertEqual(code, 0, told)
+        code, result = script("mean.py", *arguments)
+        self.assertEqual(code, 0, result)
 
     def refused(self, words, *arguments):
-        code, told = script("mean.py", self.path("no.safetensors"), *arguments)
+        code, result = script("mean.py", self.path("no.safetensors"), *arguments)
         self.assertNotEqual(code, 0)
-        self.assertNotIn("Traceback", told)
+        self.assertNotIn("Traceback", result)
         for word in words:
-            self.assertIn(word, told)
+            self.assertIn(word, result)
         self.assertFalse(os.path.exists(self.path("no.safetensors")))
 
     def test_mean_of_two_models(self):

@@ -54,7 +54,7 @@ class Window(support.Case):
         self.assertGreater(up, 0)
         self.assertGreater(resized, 0)
 
-    def test_what_is_no_scene_is_told(self):
+    def test_what_is_no_scene_is_reported(self):
         code, err = self.show(self.path("none.ply"), "1")
         self.assertEqual(code, 1)
         self.assertIn("none.ply", err)

@@ -323,8 +323,8 @@ def known_of(path):
     """Returns the rows of that table that `compiled` can reuse."""
     known = {}
     for (kernel, _, target), numbers in table_rows(path).items():
-        told = {key: value for key, value in numbers.items() if value is not None and key != "digest"}
-        known[kernel, target, numbers["digest"]] = {"spill": 0, "scratch": 0, **told}
+        report = {key: value for key, value in numbers.items() if value is not None and key != "digest"}
+        known[kernel, target, numbers["digest"]] = {"spill": 0, "scratch": 0, **report}
     return known
 
 

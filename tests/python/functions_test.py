@@ -308,8 +308,8 @@ class Worker:
                         failed.append(traceback.format_exc())
             return 1
 
-        told = self.headers.prototypes["vsplat_progress_function"](progress)
-        options = self.own.reconstruction(progress=c.cast(told, c.c_void_p).value)
+        result = self.headers.prototypes["vsplat_progress_function"](progress)
+        options = self.own.reconstruction(progress=c.cast(result, c.c_void_p).value)
         arguments = [self.own[k] for k in ("vsplat_device", "vsplat_model", "vsplat_input")] + [c.byref(options)]
         cancelled = any(function.name == "vsplat_device_cancel" for function, *_ in prepared)
         out = c.c_void_p()
@@ -368,10 +368,10 @@ class Functions(unittest.TestCase):
             timer.start()
             results, at = [], ("", "the start")
             for line in process.stdout:
-                told = json.loads(line)
-                at = (told["function"], told["trial"])
-                if "status" in told:
-                    results.append(told)
+                result = json.loads(line)
+                at = (result["function"], result["trial"])
+                if "status" in result:
+                    results.append(result)
             code = process.wait()
             process.stdout.close()
             timer.cancel()
@@ -397,9 +397,9 @@ class Functions(unittest.TestCase):
         if "-v" in sys.argv:
             for r in sorted(results, key=lambda r: r["function"]):
                 print(f"{r['function']:<40} {r['trial']:<32} {r['status']:<10} {r['ms']:>6} ms", file=sys.stderr)
-        told = {f"{r['function']} {r['trial']}" for r in results}
+        result = {f"{r['function']} {r['trial']}" for r in results}
         if not problems:
-            self.assertEqual(sorted(expected - told), [], "not tried")
+            self.assertEqual(sorted(expected - result), [], "not tried")
         self.assertFalse(problems, "\n" + "\n".join(problems))
 
 

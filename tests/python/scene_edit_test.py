@@ -37,9 +37,9 @@ class SceneEdit(unittest.TestCase):
         self.assertEqual((numbers["count"], numbers["transparent"]), (len(means), (opacities < 0.1).sum()))
         kept = (np.abs(means) <= 0.4).all(axis=1) & (opacities >= 0.3)
         self.assertTrue(0 < kept.sum() < len(means))
-        told = scene.edit(box=((-0.4,) * 3, (0.4,) * 3), min_opacity=0.3, to_axes="RUF", scale=2, translation=(0, 0, 1))
-        self.assertEqual((told["count"], told["mirrored"]), (kept.sum(), True))
-        self.assertEqual(told["outside_box"] + told["below_opacity"], (~kept).sum())
+        result = scene.edit(box=((-0.4,) * 3, (0.4,) * 3), min_opacity=0.3, to_axes="RUF", scale=2, translation=(0, 0, 1))
+        self.assertEqual((result["count"], result["mirrored"]), (kept.sum(), True))
+        self.assertEqual(result["outside_box"] + result["below_opacity"], (~kept).sum())
         np.testing.assert_allclose(scene.arrays().means, 2 * means[kept] * [1, -1, 1] + [0, 0, 1], atol=1e-6)
         self.assertEqual(scene.difference(scene)["sh"], 0)
         before = vsplat.Scene.of(scene)
@@ -66,9 +66,9 @@ class SceneEdit(unittest.TestCase):
         turns = np.stack([1 + n[:, 2], -n[:, 1], n[:, 0], np.zeros(3000)], axis=1)  # from z to the normal
         sh = (n[:, None, :] * 0.4 / 0.28209479177387814).astype(np.float32)
         scene = vsplat.Scene.from_arrays(0.4 * n, np.tile([0.02, 0.02, 0.002], (3000, 1)), turns, np.full(3000, 0.95), sh)
-        told = []
-        mesh = self.device.mesh(scene, voxels=32, progress=lambda stage, done: told.append(stage))
-        self.assertEqual(list(dict.fromkeys(told)), ["surface", "fusion", "triangles"])
+        result = []
+        mesh = self.device.mesh(scene, voxels=32, progress=lambda stage, done: result.append(stage))
+        self.assertEqual(list(dict.fromkeys(result)), ["surface", "fusion", "triangles"])
         positions, normals, colours, triangles = mesh.arrays()
         away = np.linalg.norm(positions, axis=1)
         self.assertLess(np.abs(away - 0.4).mean(), 0.008)

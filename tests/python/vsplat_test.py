@@ -141,16 +141,16 @@ class Module(unittest.TestCase):
         cameras = [camera(turn=0.05 * i) for i in range(5)]
         views = vsplat.Views.from_arrays([self.device.render(truth, at, background=(0, 0, 0)).colour.clip(0, 1) for at in cameras], cameras)
         start = vsplat.Scene.from_arrays(*gaussians(20)[:4], np.zeros((20, 4, 3)))
-        told = []
-        out = self.device.fit(views, start, steps=6, progress=lambda phase, share: told.append((phase, share)))
-        self.assertEqual((told[-1], len(out)), (("fitting", 1), 20))
+        report = []
+        out = self.device.fit(views, start, steps=6, progress=lambda phase, share: report.append((phase, share)))
+        self.assertEqual((report[-1], len(out)), (("fitting", 1), 20))
         self.assertGreater(len(self.device.fit(views, extent="scene", steps=2)), 20)  # an object would need masks or a cube
         self.assertFalse(np.array_equal(self.device.fit(views, start, steps=6, background=(0, 0, 0)).arrays().opacities, out.arrays().opacities))
         with self.assertRaises(ZeroDivisionError):
             self.device.fit(views, start, steps=6, progress=lambda *_: 1 / 0)
-        del told[:]
-        self.device.fit(views, start, steps=6, progress=lambda phase, share: told.append(phase) or False)
-        self.assertEqual(len(told), 1)
+        del report[:]
+        self.device.fit(views, start, steps=6, progress=lambda phase, share: report.append(phase) or False)
+        self.assertEqual(len(report), 1)
 
     def test_reconstructs(self):
         model = vsplat.Model.random("micro", seed=5)
@@ -164,10 +164,10 @@ class Module(unittest.TestCase):
         np.testing.assert_array_equal(given.picture(0), pictures[0].astype(np.float32) / 255)
         np.testing.assert_allclose(given.camera(1).w2c, cameras[1].w2c, atol=1e-12)
         self.assertEqual(len(given.orbit(3, 8, 8)), 3)
-        told = []
+        report = []
         self.device.prepare(model, views=2)
-        scene = self.device.reconstruct(model, given, voxels=[3, 21], progress=lambda *a: told.append(a))
-        self.assertEqual((len(scene), told[0][0]), (6, "encoder"))
+        scene = self.device.reconstruct(model, given, voxels=[3, 21], progress=lambda *a: report.append(a))
+        self.assertEqual((len(scene), report[0][0]), (6, "encoder"))
         self.assertEqual(len(scene.orbit(5)), 5)
         with self.assertRaises(vsplat.Error) as caught:
             self.device.reconstruct(model, given, progress=lambda stage, done: False)
@@ -340,13 +340,13 @@ class Module(unittest.TestCase):
             both.remove(np.zeros(3, bool))
 
     def test_jobs(self):
-        scene, told, ends = vsplat.Scene.from_arrays(*gaussians()), [], []
+        scene, report, ends = vsplat.Scene.from_arrays(*gaussians()), [], []
         device = vsplat.Device()
         cameras = [camera(turn=0.1 * i) for i in range(3)]
         frames = np.zeros((3, 33, 40, 4), np.uint8)
-        job = device.render_async(scene, cameras, out=list(frames), progress=lambda *a: told.append(a), on_end=lambda j: ends.append(j.wait()))
+        job = device.render_async(scene, cameras, out=list(frames), progress=lambda *a: report.append(a), on_end=lambda j: ends.append(j.wait()))
         pictures = job.result()
-        self.assertEqual((job.state, ends, len(told)), ("done", ["done"], 3))
+        self.assertEqual((job.state, ends, len(report)), ("done", ["done"], 3))
         for at, picture, frame in zip(cameras, pictures, frames):
             np.testing.assert_array_equal(picture.colour, self.device.render(scene, at).colour)
             self.assertGreater(frame[..., 3].max(), 100)

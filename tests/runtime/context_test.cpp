@@ -113,7 +113,7 @@ TEST(Context, FinishesWhatWasFlushed) {
   EXPECT_EQ(done.getInfo<CL_EVENT_COMMAND_EXECUTION_STATUS>(), CL_COMPLETE);
 }
 
-TEST(Context, StopsWhatIsToldToStop) {
+TEST(Context, StopsWhatIsAskedToStop) {
   auto ctx = open_context(Flavour::cpu);
   const auto data = test::random_floats(10, 1);
   const Tensor t = ctx->upload({10}, data);

@@ -21,17 +21,17 @@ struct Record {
 
   std::vector<std::atomic<int>> times;
   std::vector<std::atomic<std::size_t>> by;
-  std::vector<std::size_t> told;
+  std::vector<std::size_t> delivered;
 
   void note(std::size_t worker, std::size_t item) {
     ++times[item];
     by[item] = worker;
   }
   void expect_all_once_in_order() const {
-    ASSERT_EQ(told.size(), times.size());
+    ASSERT_EQ(delivered.size(), times.size());
     for (std::size_t i = 0; i < times.size(); ++i) {
       EXPECT_EQ(times[i], 1) << i;
-      EXPECT_EQ(told[i], i);
+      EXPECT_EQ(delivered[i], i);
     }
   }
 };
@@ -48,7 +48,7 @@ TEST(ShareOut, EachItemOnceAndToldInOrder) {
                        if (item % 3 == 0) wait_ms(1);  // so that later items end first
                        record.note(worker, item);
                      },
-                 .done = [&](std::size_t item) { record.told.push_back(item); }});
+                 .done = [&](std::size_t item) { record.delivered.push_back(item); }});
       record.expect_all_once_in_order();
     }
 }
@@ -70,20 +70,20 @@ TEST(ShareOut, TheFasterOneDoesMore) {
 }
 
 TEST(ShareOut, NoneRunsFurtherAheadThanAllowed) {
-  std::atomic<std::size_t> told{0}, furthest{0};
+  std::atomic<std::size_t> delivered{0}, furthest{0};
   share_out({.items = 50,
              .workers = 3,
              .ahead = 5,
              .work =
                  [&](std::size_t, std::size_t item) {
-                   const std::size_t lead = item - std::min(item, told.load());
+                   const std::size_t lead = item - std::min(item, delivered.load());
                    std::size_t before = furthest;
                    while (lead > before && !furthest.compare_exchange_weak(before, lead)) {
                    }
                    if (item == 10) wait_ms(30);
                  },
-             .done = [&](std::size_t item) { told = item + 1; }});
-  // (`told` is set just before the next item may begin, so the lead is at most that.)
+             .done = [&](std::size_t item) { delivered = item + 1; }});
+  // (`delivered` is set just before the next item may begin, so the lead is at most that.)
   EXPECT_LE(furthest, 5u);
   EXPECT_GE(furthest, 3u);
 }
@@ -94,7 +94,7 @@ TEST(ShareOut, WithoutABound) {
              .workers = 2,
              .ahead = static_cast<std::size_t>(-1),
              .work = [&](std::size_t worker, std::size_t item) { record.note(worker, item); },
-             .done = [&](std::size_t item) { record.told.push_back(item); }});
+             .done = [&](std::size_t item) { record.delivered.push_back(item); }});
   record.expect_all_once_in_order();
 }
 
@@ -110,7 +110,7 @@ TEST(ShareOut, OthersDoTheWorkOfALostDevice) {
                      if (worker == 1 && item >= 4) fail(status, "gone at {}", item);
                      record.note(worker, item);
                    },
-               .done = [&](std::size_t item) { record.told.push_back(item); },
+               .done = [&](std::size_t item) { record.delivered.push_back(item); },
                .lost =
                    [&](std::size_t worker, std::size_t item, const Error& error) {
                      EXPECT_EQ(worker, 1u);
@@ -135,8 +135,8 @@ TEST(ShareOut, ALostDeviceHoldsNobodyUp) {  // the others wait for its item, whi
                    }
                    record.note(worker, item);
                  },
-             .done = [&](std::size_t item) { record.told.push_back(item); }});
-  ASSERT_EQ(record.told.size(), 30u);
+             .done = [&](std::size_t item) { record.delivered.push_back(item); }});
+  ASSERT_EQ(record.delivered.size(), 30u);
 }
 
 TEST(ShareOut, OwnersDoWhatIsTheirs) {
@@ -152,7 +152,7 @@ TEST(ShareOut, OwnersDoWhatIsTheirs) {
                      wait_ms(worker == 0 ? 5 : 1);
                      record.note(worker, item);
                    },
-               .done = [&](std::size_t item) { record.told.push_back(item); }});
+               .done = [&](std::size_t item) { record.delivered.push_back(item); }});
     record.expect_all_once_in_order();
     for (std::size_t i = 0; i < owner.size(); ++i) {
       if (gone && owner[i] == 2)
@@ -174,9 +174,9 @@ TEST(ShareOut, WithNoDeviceLeftItIsAnError) {
   EXPECT_EQ(lost, 2);
 }
 
-TEST(ShareOut, AnErrorEndsItAndTheFirstItemsIsTold) {
+TEST(ShareOut, AnErrorEndsItAndTheFirstItemsIsReported) {
   for (const std::size_t workers : {1, 2, 4}) {
-    std::vector<std::size_t> told;
+    std::vector<std::size_t> delivered;
     std::atomic<std::size_t> begun{0};
     try {
       share_out({.items = 100,
@@ -187,29 +187,29 @@ TEST(ShareOut, AnErrorEndsItAndTheFirstItemsIsTold) {
                        if (item == 5) wait_ms(10);  // a later item fails first
                        if (item >= 5) fail(Status::input, "item {}", item);
                      },
-                 .done = [&](std::size_t item) { told.push_back(item); }});
+                 .done = [&](std::size_t item) { delivered.push_back(item); }});
       FAIL() << "no error";
     } catch (const Error& e) {
       EXPECT_EQ(std::string(e.what()), "item 5");
     }
     EXPECT_LE(begun, 5 + 2 * workers);
-    EXPECT_EQ(told, (std::vector<std::size_t>{0, 1, 2, 3, 4}));
+    EXPECT_EQ(delivered, (std::vector<std::size_t>{0, 1, 2, 3, 4}));
   }
 }
 
-TEST(ShareOut, WhatIsThrownWhenToldEndsIt) {
-  std::atomic<std::size_t> begun{0}, told{0};
+TEST(ShareOut, WhatIsThrownWhileReportingEndsIt) {
+  std::atomic<std::size_t> begun{0}, delivered{0};
   EXPECT_THROW(share_out({.items = 100,
                           .workers = 2,
                           .work = [&](std::size_t, std::size_t) { ++begun; },
                           .done =
                               [&](std::size_t item) {
-                                ++told;
+                                ++delivered;
                                 if (item == 3) throw std::runtime_error("full disk");
                               }}),
                std::runtime_error);
   EXPECT_LE(begun, 10u);
-  EXPECT_EQ(told, 4u);
+  EXPECT_EQ(delivered, 4u);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 
 namespace {
 
-[[maybe_unused]] const bool told = [] {
+[[maybe_unused]] const bool is_set = [] {
   vsplat::set_reader_program(VSPLAT_READER);
   vsplat::set_rays_module(VSPLAT_RAYS);
   return true;

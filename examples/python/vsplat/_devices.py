@@ -13,7 +13,7 @@ from ._c import (UsageError, _Camera, _DeviceInfo, _DeviceOptions, _FitOptions, 
             _OpenclPicture, _Picture, _PrepareOptions, _ReconstructOptions, _RenderOptions, _SceneInfo, _SceneKeepVisibleOptions, _SceneMeshOptions, _bytes, _call, _choice, _info, _lib, _number,
             _numbers, _on_end, _whole)
 from ._dlpack import _array
-from ._handles import Progress, _Handle, _Telling, _given, _jobs, _jobs_lock, _take_text
+from ._handles import Progress, _Handle, _Reporter, _given, _jobs, _jobs_lock, _take_text
 from ._values import Camera, Gaussians, Picture, _new_picture, _picture_of
 from ._scenes import Input, Mesh, Model, Scene, Views, _degree_of
 from ._buffers import Buffer, _cl, _cl_call, _cl_mem, _on_device
@@ -80,19 +80,19 @@ class Device(_Handle):
 
     def prepare(self, model: Model, views: int = 0, launch: bool = False, progress: Progress | None = None) -> None:
         """Compiles and uploads what a reconstruction will need; with `launch`, also runs one with grey pictures."""
-        told = _Telling(progress)
-        options = _PrepareOptions(views=views, launch=launch, progress=told.function)
-        told.call("device_prepare", self, _given(model, Model, "model"), c.byref(options))
+        report = _Reporter(progress)
+        options = _PrepareOptions(views=views, launch=launch, progress=report.function)
+        report.call("device_prepare", self, _given(model, Model, "model"), c.byref(options))
 
     def reconstruct(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None,
                     progress: Progress | None = None) -> Scene:
         """Runs one forward pass. `voxels`: int32, ascending, replaces the network's selection."""
-        told = _Telling(progress)
-        options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
+        report = _Reporter(progress)
+        options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=report.function)
         if voxels is not None:
             options.voxels, options.num_voxels = _voxels(voxels)
         handle = c.c_void_p()
-        told.call("reconstruct", self, _given(model, Model, "model"), _given(views, Input, "views"), c.byref(options), c.byref(handle))
+        report.call("reconstruct", self, _given(model, Model, "model"), _given(views, Input, "views"), c.byref(options), c.byref(handle))
         return Scene(handle)
 
     def fit(self, views: Views, start: Scene | Model | None = None, steps: int = 0, seconds: float = 0.0, longest: int = -1, max_gaussians: int = 0,
@@ -130,10 +130,10 @@ class Device(_Handle):
         handle = c.c_void_p()
         _call("fit_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))
         try:
-            more, told = c.c_int32(1), _FitProgress()
+            more, report = c.c_int32(1), _FitProgress()
             while more.value:
-                _call("fit_step", handle, c.byref(told) if progress else None, c.byref(more))
-                if progress and progress(told.phase.decode(), told.step / max(told.steps, 1)) is False:
+                _call("fit_step", handle, c.byref(report) if progress else None, c.byref(more))
+                if progress and progress(report.phase.decode(), report.step / max(report.steps, 1)) is False:
                     _call("fit_stop", handle)
                     break
             out = c.c_void_p()
@@ -175,27 +175,27 @@ class Device(_Handle):
         """The surface of the scene as triangles, seen from `cameras` (None: 48 all around it). `voxels`: along the longest edge of the box around
         the surface, or of the cube at `center` with the edge `scale`; `max_triangles`: 0: no limit; `least_part`: connected parts with a smaller share
         of the largest part's area are left out; `depth`: "median" or "expected"."""
-        told = _Telling(progress)
+        report = _Reporter(progress)
         options = _SceneMeshOptions(voxels=voxels, max_triangles=max_triangles, least_part=least_part, scale=scale,
-                                    depth=_choice(depth, "depth", ("median", "expected")), progress=told.function)
+                                    depth=_choice(depth, "depth", ("median", "expected")), progress=report.function)
         if center is not None:
             options.has_center, options.center = 1, _numbers(center, c.c_double, 3, "center")
         if cameras is not None:
             held = (_Camera * len(cameras))(*(_given(each, Camera, "cameras")._struct() for each in cameras))
             options.cameras, options.num_cameras = c.cast(held, c.c_void_p), len(cameras)
         handle = c.c_void_p()
-        told.call("mesh_from_scene", self, _given(scene, Scene, "scene"), c.byref(options), c.byref(handle))
+        report.call("mesh_from_scene", self, _given(scene, Scene, "scene"), c.byref(options), c.byref(handle))
         return Mesh(handle)
 
     def reconstruct_async(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None, progress: Progress | None = None,
                           on_end: Callable[[Job], Any] | None = None) -> Job:
         """reconstruct() as a job whose result is the scene. `progress` and `on_end` are called on the device's job thread."""
-        told = _Telling(progress)
-        options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
+        report = _Reporter(progress)
+        options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=report.function)
         if voxels is not None:
             options.voxels, options.num_voxels = _voxels(voxels)
         given = _given(model, Model, "model"), _given(views, Input, "views")
-        return Job._begin("reconstruct_async", (self, *given, c.byref(options)), told, on_end, None)
+        return Job._begin("reconstruct_async", (self, *given, c.byref(options)), report, on_end, None)
 
     def render_async(self, scene: Scene, cameras: Sequence[Camera], background: Sequence[float] = (1, 1, 1), near: float = 0.0,
                      colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0,
@@ -204,16 +204,16 @@ class Device(_Handle):
         """render() from each camera, as a job whose result is a list of pictures. `out`: an array for each of them."""
         if out is not None and len(out) != len(cameras):
             raise UsageError(f"out has {len(out)} arrays: one for each of the {len(cameras)} cameras expected")
-        told, also = _Telling(progress), tuple(also)
+        report, also = _Reporter(progress), tuple(also)
         options = _render_options(background, near, supersample)
-        options.progress = told.function
+        options.progress = report.function
         seen_from, structs, pictures = (_Camera * len(cameras))(), (_Picture * len(cameras))(), []
         for i, camera in enumerate(cameras):
             seen_from[i] = _given(camera, Camera, f"cameras[{i}]")._struct()
             picture, structs[i] = _new_picture(camera, (colour, alpha, depth), also, out[i] if out is not None else None, premultiplied, f"out[{i}]")
             pictures.append(picture)
         arguments = self, _given(scene, Scene, "scene"), seen_from, c.c_size_t(len(cameras)), c.byref(options), structs
-        return Job._begin("render_async", arguments, told, on_end, pictures, out)
+        return Job._begin("render_async", arguments, report, on_end, pictures, out)
 
     def render_backward(self, scene: Scene, camera: Camera, colour: Any = None, alpha: Any = None, depth: Any = None,
                         background: Sequence[float] = (1, 1, 1), near: float = 0.0) -> tuple[Gaussians, np.ndarray]:
@@ -324,10 +324,10 @@ class Job(_Handle):
     _STATES = {1: "queued", 2: "running", 3: "done", 4: "failed", 5: "cancelled"}
 
     @classmethod
-    def _begin(cls, name: str, arguments: tuple[Any, ...], told: _Telling, on_end: Callable[[Job], Any] | None, pictures: Any,
+    def _begin(cls, name: str, arguments: tuple[Any, ...], report: _Reporter, on_end: Callable[[Job], Any] | None, pictures: Any,
                *kept: Any) -> Job:
         self = cls.__new__(cls)
-        self._told, self._pictures, self._kept, self._on_end_problem = told, pictures, (arguments, kept), None
+        self._reporter, self._pictures, self._kept, self._on_end_problem = report, pictures, (arguments, kept), None
         self._over, self._ends_on, begun = threading.Event(), None, threading.Event()
 
         def ended(_user: Any, _job: Any) -> None:
@@ -386,7 +386,7 @@ class Job(_Handle):
         """Waits, and returns the scene or the pictures. Raises what the call would have raised, or what `on_end` has raised."""
         self.wait()
         out = c.c_void_p()
-        self._told.call("job_result", self, c.byref(out))
+        self._reporter.call("job_result", self, c.byref(out))
         if self._on_end_problem:
             raise self._on_end_problem
         return Scene(out) if self._pictures is None else self._pictures

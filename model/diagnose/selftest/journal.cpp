@@ -8,7 +8,7 @@
 #include "runtime/error.h"
 #include "runtime/files/private_folder.h"
 #include "runtime/log.h"
-#include "runtime/tuning/kept_finding.h"
+#include "runtime/tuning/stored_finding.h"
 
 namespace vsplat::selftest {
 namespace {
@@ -18,7 +18,7 @@ constexpr int kUnseenEnds = 2;  // so many are no coincidence
 }  // namespace
 
 std::string Journal::folder_of(const DeviceInfo& device) {
-  const std::string path = kept_finding_path(device, "journal 1", "selftests");
+  const std::string path = stored_finding_path(device, "journal 1", "selftests");
   return path.empty() ? "" : std::filesystem::path(path).replace_extension().string();
 }
 
@@ -37,7 +37,7 @@ Journal::Journal(const std::string& folder, const std::string& ended) {
 
 // Returns whether an item was in progress.
 bool Journal::read(const std::string& ended) {
-  const auto text = kept_finding(path_);
+  const auto text = stored_finding(path_);
   const nlohmann::json json = text ? nlohmann::json::parse(*text, nullptr, false) : nlohmann::json();
   if (!json.is_object()) return false;
   try {

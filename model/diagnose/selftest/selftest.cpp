@@ -15,7 +15,7 @@
 #include "runtime/kernel_files.h"
 #include "runtime/log.h"
 #include "runtime/system/environment.h"
-#include "runtime/tuning/kept_finding.h"
+#include "runtime/tuning/stored_finding.h"
 
 namespace vsplat::selftest {
 namespace {

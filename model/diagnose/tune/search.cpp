@@ -198,7 +198,7 @@ class Search {
   void search(const Task& task, const TunedDeclaration& of) {
     case_.reset();
     odd_.reset();
-    no_room_ = false;
+    out_of_memory_ = false;
     if (request_.again && out_of_time()) {
       out_.left += sets_of(of, request_.full);
       return;
@@ -236,7 +236,7 @@ class Search {
       ++done_;
       return !best && !is_refused(*known);
     }
-    if (no_room_ || out_of_time()) {
+    if (out_of_memory_ || out_of_time()) {
       ++out_.left;
       return false;
     }
@@ -252,14 +252,14 @@ class Search {
   // False if there was not enough memory to try it, so nothing is known of it.
   bool attempt(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best, TunedTrial& trial) {
     try {
-      judge(task, values, best, trial);
+      compare(task, values, best, trial);
     } catch (const Error& e) {
       if (!tells_of_the_device(e)) {
         table_.drop(task.shape, values);
         if (e.status() != Status::memory) throw;
-        no_room_ = !case_ || !odd_;
+        out_of_memory_ = !case_ || !odd_;
         ++out_.left;
-        warn("{}: not tried: {}", no_room_ ? text_of(*values.of, task.shape) : now_, e.what());
+        warn("{}: not tried: {}", out_of_memory_ ? text_of(*values.of, task.shape) : now_, e.what());
         return false;
       }
       trial.verdict = "failed";
@@ -294,7 +294,7 @@ class Search {
     tolerance_ = case_->tolerance();
   }
 
-  void judge(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best, TunedTrial& trial) {
+  void compare(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best, TunedTrial& trial) {
     make_cases(task);
     const TunedOp op = task.shape.op;
     for (TuneCase* each : {odd_.get(), case_.get()}) {
@@ -371,7 +371,7 @@ class Search {
   const TuneRequest& request_;
   double begun_, tolerance_ = 0;
   long all_ = 0, done_ = 0;
-  bool no_room_ = false;
+  bool out_of_memory_ = false;
   std::string now_;  // set under trial
   TriedTable table_;
   TuneResult out_;

@@ -75,7 +75,7 @@ void TriedTable::take_up() {
     return;
   }
   before_ = before.choice.hash();
-  if (!before_.empty() && of_cache_) write_tuning(kept_tuning_path(before_), before);
+  if (!before_.empty() && of_cache_) write_tuning(stored_tuning_path(before_), before);
   table_.choice = before.choice;
   table_.trials = before.trials;
 }
@@ -141,7 +141,7 @@ void TriedTable::choose(const TunedShape& shape, const TunedValues& values) {
   table_.choice.set(shape, values);
   // Runs that start now record the table by its hash.
   if (const std::string hash = table_.choice.hash(); of_cache_ && !hash.empty())
-    write_tuning(kept_tuning_path(hash), table_);
+    write_tuning(stored_tuning_path(hash), table_);
   keep();
 }
 

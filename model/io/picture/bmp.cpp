@@ -59,7 +59,7 @@ class BmpRows : public FileRows {
  public:
   BmpRows(const FileBytes& file, Header h) : FileRows(info_of(h), 8), pixels_(nullptr, stbi_image_free) {
     check_length(file, h.width, h.height);
-    held_ = room_to_decode(file, info_of(h));
+    held_ = memory_to_decode(file, info_of(h));
     pixels_.reset(
         stbi_load_from_memory(file.data, static_cast<int>(file.size), &h.width, &h.height, &h.channels, channels));
     if (!pixels_) damaged(file, stbi_failure_reason());
@@ -71,7 +71,7 @@ class BmpRows : public FileRows {
   }
 
  private:
-  DecodingRoom held_;
+  DecodingMemory held_;
   std::unique_ptr<unsigned char, void (*)(void*)> pixels_;
   const unsigned char* from_ = nullptr;
 };

@@ -95,7 +95,7 @@ Image ContactSheet::sheet() const {
   long width = 0, height = 0;
   const bool labelled =
       std::any_of(cells_.begin(), cells_.end(), [](const auto& cell) { return !cell.second.empty(); });
-  const int below = margin + (labelled ? label_room : 0);
+  const int below = margin + (labelled ? label_height : 0);
   for (const auto& [cell, label] : cells_) {
     width = std::max<long>(width, cell.width + margin);
     height = std::max<long>(height, cell.height + below);
@@ -113,13 +113,13 @@ Image ContactSheet::sheet() const {
   for (long i = 0; i < n; ++i) {
     const auto& [cell, label] = cells_[static_cast<std::size_t>(i)];
     const int left = static_cast<int>(margin + i % columns * width),
-              top = static_cast<int>(margin + i / columns * height), room = static_cast<int>(width) - margin,
+              top = static_cast<int>(margin + i / columns * height), space = static_cast<int>(width) - margin,
               tall = static_cast<int>(height) - below;
-    const int x = left + (room - cell.width) / 2, y = top + (tall - cell.height) / 2;
+    const int x = left + (space - cell.width) / 2, y = top + (tall - cell.height) / 2;
     for (int v = 0; v < cell.height; ++v) std::copy_n(cell.at(0, v), 3 * cell.width, out.at(x, y + v));
-    const std::string text = fitted_text(label, room);
-    draw_text(out, left + (room - glyph_width * static_cast<int>(text.size())) / 2,
-              top + tall + label_room - glyph_height, text, ink);
+    const std::string text = fitted_text(label, space);
+    draw_text(out, left + (space - glyph_width * static_cast<int>(text.size())) / 2,
+              top + tall + label_height - glyph_height, text, ink);
   }
   return out;
 }

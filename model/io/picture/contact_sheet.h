@@ -22,9 +22,9 @@ Image shrunk(PixelRows& picture, int width, int height);
 
 class ContactSheet {
  public:
-  static constexpr int margin = 8;       // pixels around and between cells
-  static constexpr int label_room = 12;  // pixels below a picture for its label
-  static constexpr float paper = 0.85f;  // grey of the background
+  static constexpr int margin = 8;         // pixels around and between cells
+  static constexpr int label_height = 12;  // pixels below a picture for its label
+  static constexpr float paper = 0.85f;    // grey of the background
 
   // Error(usage) if a number is negative or a cell is larger than 4096 pixels.
   explicit ContactSheet(const SheetOptions& options);

@@ -16,7 +16,7 @@ DepthImage read_depth(const std::string& path) {
   const bool png = is_png(file);
   if (!png && !is_exr(file)) fail(Status::format, "{}: a depth picture is a grey PNG or an EXR", path);
   const std::unique_ptr<FileRows> rows = png ? open_png(file) : open_exr_depth(file);
-  const DecodingRoom room = room_to_decode(
+  const DecodingMemory memory = memory_to_decode(
       file, {rows->width, rows->height, false, 1, sizeof(float) * static_cast<double>(rows->width) * rows->height});
   const float steps = png ? std::ldexp(1.0f, rows->bits) - 1 : 1;  // the values of a PNG are read as 0 to 1
   DepthImage out{Image(rows->width, rows->height, 1), png};

@@ -166,7 +166,7 @@ class ExrRows : public FileRows {
     const Imf::Header& header = opened_->header();
     check_exr_channels(file.path, header, found_);
     check_plausible(file, header, data_, (found_.grey() ? 1 : 3) + (has_alpha() ? 1 : 0));
-    held_ = room_to_decode(file, opened_->info());
+    held_ = memory_to_decode(file, opened_->info());
     band_.resize(static_cast<std::size_t>(std::min(lines, data_.height) * data_.width * channels));
   }
 
@@ -234,7 +234,7 @@ class ExrRows : public FileRows {
   bool begun_ = false;
   std::ptrdiff_t odd_ = 0;
   std::vector<float> band_;
-  DecodingRoom held_;
+  DecodingMemory held_;
 };
 
 }  // namespace

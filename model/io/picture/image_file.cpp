@@ -46,7 +46,7 @@ ImageInfo info_of(const FileBytes& file) { return by_format(file, &Format::info)
 
 // All rows, if the memory budget allows it.
 Image whole(const FileBytes& file, PixelRows& rows) {
-  const DecodingRoom room = room_to_decode(
+  const DecodingMemory memory = memory_to_decode(
       file, {rows.width, rows.height, false, 1, static_cast<double>(rows.row_size()) * rows.height * sizeof(float)});
   return image_of(rows);
 }
@@ -78,10 +78,10 @@ std::vector<unsigned char> rounded(const Image& image) {
   return out;
 }
 
-DecodingRoom room_to_decode(const FileBytes& file, const ImageInfo& info) {
+DecodingMemory memory_to_decode(const FileBytes& file, const ImageInfo& info) {
   static std::recursive_mutex one;
   constexpr double large = 1u << 28;
-  DecodingRoom out;
+  DecodingMemory out;
   if (info.held > large) out.turn = std::unique_lock(one);
   out.held = HostMemory(fmt::format("{}: decoding its {} x {} pixels", file.path, info.width, info.height), info.held);
   return out;

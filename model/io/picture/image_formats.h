@@ -59,12 +59,12 @@ std::unique_ptr<FileRows> open_bmp(const FileBytes& file);
 
 // Memory reserved for a decoder. Only one decoder with more than 256 MiB runs at a time; other threads wait. The lock
 // belongs to the thread that took it, which may hold several.
-struct DecodingRoom {
+struct DecodingMemory {
   std::unique_lock<std::recursive_mutex> turn;
   HostMemory held;
 };
 // Reserves `info.held` bytes.
-DecodingRoom room_to_decode(const FileBytes& file, const ImageInfo& info);
+DecodingMemory memory_to_decode(const FileBytes& file, const ImageInfo& info);
 
 // round(255 * value clamped to [0,1]), NaN as 0: the values of every 8-bit format.
 std::vector<unsigned char> rounded(const Image& image);

@@ -203,7 +203,7 @@ class JpegRows : public FileRows {
       fail(Status::format, "{}: a damaged or cut-off JPEG: {} bytes cannot hold its {} x {} pixels", file.path,
            file.size, width, height);
     r.limit.scans = std::clamp(static_cast<int>(most_block_visits / blocks), usual_scans, most_scans);
-    held_ = room_to_decode(file, info_of(r));
+    held_ = memory_to_decode(file, info_of(r));
     if (!start(r)) damaged(file_, r);
     row_.resize(row_size());
   }
@@ -219,7 +219,7 @@ class JpegRows : public FileRows {
   std::unique_ptr<Reader> reader_;
   int at_ = 0;
   std::vector<unsigned char> row_;
-  DecodingRoom held_;
+  DecodingMemory held_;
 };
 
 }  // namespace

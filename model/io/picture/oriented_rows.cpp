@@ -27,7 +27,8 @@ OrientedRows::OrientedRows(const FileBytes& file, FileRows& stored, int orientat
       orientation_(orientation),
       bytes_(static_cast<std::size_t>(stored.bits) / 8),
       step_(stored.row_size() * bytes_),
-      held_(room_to_decode(file, {stored.width, stored.height, false, 1, static_cast<double>(step_) * stored.height})) {
+      held_(
+          memory_to_decode(file, {stored.width, stored.height, false, 1, static_cast<double>(step_) * stored.height})) {
   values_.resize(step_ * static_cast<std::size_t>(stored.height));
   std::vector<float> row(stored.row_size());
   unsigned char* to = values_.data();

@@ -19,7 +19,7 @@ class OrientedRows : public PixelRows {
   int orientation_, at_ = 0;
   std::size_t bytes_, step_;  // size of a value; distance of rows
   std::vector<unsigned char> values_;
-  DecodingRoom held_;
+  DecodingMemory held_;
 };
 
 }  // namespace vsplat

@@ -152,8 +152,8 @@ Header checked_header(const FileBytes& file, Reader& r) {
 ImageInfo info_of(Reader& r, const Header& h, int channels, int depth, int passes) {
   png_uint_32 size = 0;
   png_bytep data = nullptr;  // if it precedes the picture data
-  const bool told = png_get_eXIf_1(r.png, r.info, &size, &data) != 0;
-  const ExifFacts exif = told ? read_exif(data, size) : ExifFacts{};
+  const bool has_exif = png_get_eXIf_1(r.png, r.info, &size, &data) != 0;
+  const ExifFacts exif = has_exif ? read_exif(data, size) : ExifFacts{};
   const double all = static_cast<double>(h.width) * h.height * channels * depth / 8;
   return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0,
           exif.orientation,          passes > 1 ? all : 0,       exif.lens};
@@ -168,7 +168,7 @@ class PngRows : public FileRows {
     const std::size_t row = static_cast<std::size_t>(width) * stored * (depth / 8);
     // Interlaced files visit each row several times and need all rows; other files are read row by row.
     if (passes > 1) {
-      held_ = room_to_decode(file, info);
+      held_ = memory_to_decode(file, info);
       step_ = row;
     }
     rows_.resize(passes > 1 ? row * height : row);
@@ -190,7 +190,7 @@ class PngRows : public FileRows {
   int stored_, depth_, at_ = 0;
   std::size_t step_ = 0;  // bytes between rows
   std::vector<unsigned char> rows_;
-  DecodingRoom held_;
+  DecodingMemory held_;
 };
 
 void png_append(png_structp png, png_bytep data, std::size_t size) {

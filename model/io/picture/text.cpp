@@ -36,9 +36,9 @@ std::uint64_t glyph_of(char c) { return glyphs[(c < first_glyph || c > last_glyp
 }  // namespace
 
 std::string fitted_text(const std::string& text, int width) {
-  const auto room = static_cast<std::size_t>(std::max(0, width / glyph_width));
-  if (text.size() <= room) return text;
-  return room < 3 ? text.substr(0, room) : text.substr(0, room - 2) + "..";
+  const auto space = static_cast<std::size_t>(std::max(0, width / glyph_width));
+  if (text.size() <= space) return text;
+  return space < 3 ? text.substr(0, space) : text.substr(0, space - 2) + "..";
 }
 
 void draw_text(Image& image, int x, int y, const std::string& text, float grey) {

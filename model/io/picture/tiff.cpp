@@ -154,7 +154,7 @@ class TiffRows : public FileRows {
         reader_(std::move(reader)),
         info_(info),
         most_(reader_->rows_at_once(info)) {
-    held_ = room_to_decode(file, info);
+    held_ = memory_to_decode(file, info);
     band_.resize(static_cast<std::size_t>(most_) * width);
   }
 
@@ -177,7 +177,7 @@ class TiffRows : public FileRows {
   ImageInfo info_;
   int most_, at_ = 0;
   std::vector<std::uint32_t> band_;
-  DecodingRoom held_;
+  DecodingMemory held_;
 };
 
 }  // namespace

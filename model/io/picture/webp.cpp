@@ -63,7 +63,7 @@ ImageInfo info_of(const WebPBitstreamFeatures& f, const ExifFacts& exif = {}) {
 class WebpRows : public FileRows {
  public:
   WebpRows(const FileBytes& file, const WebPBitstreamFeatures& features)
-      : FileRows(info_of(features), 8), held_(room_to_decode(file, info_of(features))) {
+      : FileRows(info_of(features), 8), held_(memory_to_decode(file, info_of(features))) {
     if (!WebPInitDecoderConfig(&config_)) fail(Status::internal, "libwebp is of another version than its header");
     config_.output.colorspace = features.has_alpha ? MODE_RGBA : MODE_RGB;
     const VP8StatusCode status = WebPDecode(file.data, file.size, &config_);
@@ -81,7 +81,7 @@ class WebpRows : public FileRows {
   }
 
  private:
-  DecodingRoom held_;
+  DecodingMemory held_;
   WebPDecoderConfig config_;
   int at_ = 0;
 };

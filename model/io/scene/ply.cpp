@@ -242,12 +242,12 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
   Gaussians g;
   g.sh_degree = layout.degree;
   g.kind = layout.kind;
-  const auto room = static_cast<std::size_t>(count);
-  g.means.reserve(3 * room);
-  g.scales.reserve(static_cast<std::size_t>(scales_of(g.kind)) * room);
-  g.quats.reserve(4 * room);
-  g.opacities.reserve(room);
-  g.sh.reserve(3 * room * g.sh_count());
+  const auto size = static_cast<std::size_t>(count);
+  g.means.reserve(3 * size);
+  g.scales.reserve(static_cast<std::size_t>(scales_of(g.kind)) * size);
+  g.quats.reserve(4 * size);
+  g.opacities.reserve(size);
+  g.sh.reserve(3 * size * g.sh_count());
   std::vector<float> values(layout.columns.size());
   Gaussian one{};
   GaussianSkips skips(path, skipped);

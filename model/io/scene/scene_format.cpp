@@ -78,8 +78,8 @@ void write_plainly(const std::string& path, const Scene& scene, const SceneWrite
   write(path, scene);
 }
 
-constexpr SceneFieldsKept kAllFields{true, true, true, true, true, true, true};
-constexpr SceneFieldsKept kAllOfVolumes{false, true, true, true, true, true, true};
+constexpr SceneFieldSet kAllFields{true, true, true, true, true, true, true};
+constexpr SceneFieldSet kAllOfVolumes{false, true, true, true, true, true, true};
 
 constexpr SceneFormat gltf_row(std::string_view name, std::string_view title, std::string_view ending,
                                decltype(SceneFormat::recognises) recognises, decltype(SceneFormat::write) write) {
@@ -256,7 +256,7 @@ void write_scene(const std::string& path, const Scene& scene, const SceneWriteOp
 
 std::vector<std::string> losses(const SceneFormat& format, const Scene& scene) {
   std::vector<std::string> out;
-  const SceneFieldsKept& kept = format.kept;
+  const SceneFieldSet& kept = format.kept;
   const Gaussians& g = scene.gaussians;
   if (g.sh_degree > format.sh_written)
     out.push_back(fmt::format("spherical harmonics of degree {} are cut to degree {}{}", g.sh_degree, format.sh_written,

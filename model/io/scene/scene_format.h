@@ -16,7 +16,7 @@ struct SceneWriteOptions {
 };
 
 // What a format holds besides the Gaussians, and whether these may be surfels.
-struct SceneFieldsKept {
+struct SceneFieldSet {
   bool surfels = false, near = false, up = false, mirror = false, detail = false, offset = false, antialias = false;
 };
 
@@ -27,7 +27,7 @@ struct SceneFormat {
   int sh_read = 3;           // highest degree of spherical harmonics
   int sh_written = 3;
   bool lossless = false;  // values are kept to a few units of the last place of a float
-  SceneFieldsKept kept;
+  SceneFieldSet kept;
   std::string_view lost;       // what no file of the format holds, for the table in the documents
   std::string_view opened_by;  // other programs
   // Identifies a file by its first bytes, kSceneBeginning of them or the whole file; null: only the ending says so.

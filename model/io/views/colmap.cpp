@@ -293,7 +293,7 @@ ColmapChoice largest_of(const fs::path& folder) {
     if (out.folder.empty() || count > most) out.folder = part, most = count;
   }
   if (parts.size() > 1)
-    out.told =
+    out.reason =
         fmt::format("{}: chosen from {} COLMAP models, since it has the most pictures ({}); name another to use it",
                     out.folder.string(), parts.size(), others);
   if (parts.empty() && is_colmap_model(folder)) out.folder = folder;
@@ -321,8 +321,8 @@ ColmapChoice choose_colmap_model(const fs::path& folder) {
     if (out.folder.empty()) {
       out = std::move(found);
     } else {
-      out.told += fmt::format("{}{}: this COLMAP model is read; {} is another", out.told.empty() ? "" : "; ",
-                              out.folder.string(), found.folder.string());
+      out.reason += fmt::format("{}{}: this COLMAP model is read; {} is another", out.reason.empty() ? "" : "; ",
+                                out.folder.string(), found.folder.string());
       break;
     }
   }

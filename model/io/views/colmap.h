@@ -12,7 +12,7 @@ bool is_colmap_model(const std::filesystem::path& folder);
 
 struct ColmapChoice {
   std::filesystem::path folder;  // "" if there is no model
-  std::string told = {};         // the reason for the choice, if there are several
+  std::string reason = {};       // the reason for the choice, if there are several
 };
 
 // The first model found in sparse/, colmap/, colmap/sparse/, the folder itself, dense/sparse/, dense/N/sparse/ or

@@ -202,12 +202,12 @@ ViewSet read_json_list(const fs::path& path, bool need_pictures) {
 // All parts as one set, or only the first existing part if the set is for reconstruction.
 ViewSet read_nerf(const fs::path& folder, const ReadOptions& options) {
   ViewSet out;
-  std::string told;
+  std::string unused;
   for (const auto& [name, split] : parts_of_nerf) {
     const fs::path file = in_any_case(folder, name);
     if (!is_there(file)) continue;
     if (!out.views.empty() && !options.all_splits) {
-      told += fmt::format("{}{}", told.empty() ? "" : ", ", name);
+      unused += fmt::format("{}{}", unused.empty() ? "" : ", ", name);
       continue;
     }
     ViewSet part = read_json_list(file, options.need_pictures);
@@ -219,9 +219,9 @@ ViewSet read_nerf(const fs::path& folder, const ReadOptions& options) {
     out.views.insert(out.views.end(), part.views.begin(), part.views.end());
     out.lists_masks |= part.lists_masks;
   }
-  if (!told.empty())
+  if (!unused.empty())
     out.choices.push_back(fmt::format("{}: is read; {} beside it, which evaluation uses, {} not", out.source.string(),
-                                      told, told.find(',') == std::string::npos ? "is" : "are"));
+                                      unused, unused.find(',') == std::string::npos ? "is" : "are"));
   return out;
 }
 
@@ -245,7 +245,7 @@ ViewSet read_folder(const fs::path& folder, const ReadOptions& options) {
     out = read_nerf(folder, options);
   } else {
     out = read_colmap(model.folder);
-    if (!model.told.empty()) out.choices.push_back(model.told);
+    if (!model.reason.empty()) out.choices.push_back(model.reason);
   }
   if (kinds.size() > 1)
     out.choices.push_back(fmt::format("{}: is read; {} is there, too, but is not read: name it to read it",

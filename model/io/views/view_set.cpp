@@ -60,7 +60,7 @@ void note_missing_masks(ViewSet& set) {
   }
 }
 
-void judge(ViewSet& set, BadViews bad) {
+void check_all(ViewSet& set, BadViews bad) {
   const ListedView* first = nullptr;
   std::size_t count = 0;
   for (const ListedView& view : set.views) {
@@ -101,7 +101,7 @@ ViewSet read_views(const fs::path& given, const ReadOptions& options) {
   for (ListedView& view : set.views)
     if (view.problem.empty() && view.camera.width > 0 && view.camera.height > 0)
       noting_problems(view, [&] { resolve_intrinsics(view, view.camera.width, view.camera.height); });
-  judge(set, options.bad);
+  check_all(set, options.bad);
   if (options.need_pictures) count_pictures(set, options);
   return set;
 }

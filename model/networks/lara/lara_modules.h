@@ -5,7 +5,7 @@
 #include "model/networks/lara/ray_modulation.h"
 #include "model/networks/lara/view_lift.h"
 #include "model/networks/lara/volume.h"
-#include "model/networks/layers/kept.h"
+#include "model/networks/layers/checkpointed.h"
 #include "model/networks/layers/vit.h"
 
 namespace vsplat {
@@ -42,11 +42,11 @@ struct LaraModel::Saved {
   explicit Saved(bool recompute)
       : encoder(recompute), modulation(recompute), volume(recompute), coarse_decoder(recompute) {}
 
-  Kept<Vit::Saved> encoder;
-  Kept<LaraModulation::Saved> modulation;
+  Checkpointed<Vit::Saved> encoder;
+  Checkpointed<LaraModulation::Saved> modulation;
   LaraLifting::Saved lifting;
   LaraVolume::Saved volume;
-  Kept<LaraCoarseDecoder::Saved> coarse_decoder;
+  Checkpointed<LaraCoarseDecoder::Saved> coarse_decoder;
   Shape volume_shape;
   LaraFineDecoder::Input fine;
   Tensor index;

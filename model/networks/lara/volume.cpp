@@ -96,7 +96,7 @@ Tensor LaraVolume::forward(Context& ctx, const RowSource& lifted, long views, Sa
     const AttentionGroups& looks = groups[i % groups.size()];
     LayerSaved* place = nullptr;
     if (saved) {
-      Kept<LayerSaved>& kept = saved->layers.emplace_back(saved->recomputes);
+      Checkpointed<LayerSaved>& kept = saved->layers.emplace_back(saved->recomputes);
       place = kept.place();
       if (saved->recomputes)
         kept.made_by([this, &layer, x, lifted, looks](Context& c, LayerSaved& out) {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "model/networks/layers/kept.h"
+#include "model/networks/layers/checkpointed.h"
 #include "model/networks/layers/upload_weights.h"
 #include "model/networks/params/lara_layers.h"
 #include "model/ops/dense/cross_attention.h"
@@ -34,7 +34,7 @@ class LaraVolume {
     bool recomputes;  // store only the layers' inputs and run each layer again before its backward
     RowSource lifted;
     long views = 0;
-    std::vector<Kept<LayerSaved>> layers;
+    std::vector<Checkpointed<LayerSaved>> layers;
     Tensor last;  // [R^3, C], before the final norm
   };
   // Called with a layer's results under their golden names ("layer.0.attention"); may be empty.

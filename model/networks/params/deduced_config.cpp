@@ -109,13 +109,13 @@ DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& 
   for (const char* field : {"volume_ch", "volume", "layers", "view_slots", "view_ch", "out_ch", "fine_hidden",
                             "primitives", "kind", "fine_features", "sh_degree"})
     out.fields.emplace_back(field);
-  out.untold = {"vit_heads", "heads", "fine_heads", "windows", "image", "offset_cells"};
+  out.unknown = {"vit_heads", "heads", "fine_heads", "windows", "image", "offset_cells"};
   // A buffer that the network does not use, but the only tensor whose shape shows this field.
   if (file.find(prefix + "volume_grid") != nullptr) {
     c.feature_volume = shapes.side("volume_grid", 4, 0);
     out.fields.emplace_back("feature_volume");
   } else {
-    out.untold.emplace_back("feature_volume");
+    out.unknown.emplace_back("feature_volume");
   }
   return out;
 }
@@ -146,7 +146,7 @@ void tell_densifier(const TorchFile& file, const std::string& prefix, Deduced<Co
        {"densify.channels", "densify.depths", "densify.upscale", "densify.mlp_ratio", "densify.frequencies"})
     out.fields.emplace_back(field);
   for (const char* field : {"densify.heads", "densify.patch", "densify.top_k", "densify.cell"})
-    out.untold.emplace_back(field);
+    out.unknown.emplace_back(field);
   for (const TensorEntry& entry : file.tensors()) {
     if (!entry.name.starts_with(prefix + "dec.0.mask.") && !entry.name.starts_with(prefix + "dec.0.head.")) continue;
     d.residual = entry.name.starts_with(prefix + "dec.0.head.");
@@ -159,7 +159,7 @@ template <class Config, class Backbone>
 Deduced<Config> on_top_of(const Deduced<Backbone>& backbone) {
   Deduced<Config> out;
   static_cast<Backbone&>(out.config) = backbone.config;
-  out.fields = backbone.fields, out.kinds = backbone.kinds, out.untold = backbone.untold;
+  out.fields = backbone.fields, out.kinds = backbone.kinds, out.unknown = backbone.unknown;
   return out;
 }
 
@@ -206,7 +206,7 @@ DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix) {
   for (const char* field : {"volume_ch", "volume_mult", "voxel_ch", "voxel_levels", "fine_dim", "refine_out_kernel",
                             "use_projected", "fine_count", "sh_degree"})
     out.fields.emplace_back(field);
-  out.untold = {"vit_heads", "groups", "image", "volume"};
+  out.unknown = {"vit_heads", "groups", "image", "volume"};
   return out;
 }
 

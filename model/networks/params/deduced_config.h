@@ -13,10 +13,10 @@ namespace vsplat {
 
 template <class Configuration>
 struct Deduced {
-  Configuration config;             // other fields as in an empty configuration
-  std::vector<std::string> fields;  // fields that were deduced
-  std::vector<std::string> untold;  // other fields that have no default value to assume
-  std::vector<std::string> kinds;   // deduced fields that name a component's kind: every named configuration has them
+  Configuration config;              // other fields as in an empty configuration
+  std::vector<std::string> fields;   // fields that were deduced
+  std::vector<std::string> unknown;  // other fields that have no default value to assume
+  std::vector<std::string> kinds;    // deduced fields that name a component's kind: every named configuration has them
 };
 using DeducedConfig = Deduced<Config>;
 using DeducedLaraConfig = Deduced<LaraConfig>;

@@ -148,13 +148,13 @@ typename S::Config complete(const std::string& path, const Deduced<typename S::C
   for (const std::string& field : deduced.kinds) copy_field(config, deduced.config, field);
   config.negate_camera_centre = !encoder_alone;
   const std::set<std::string> given = set_given(config, options);
-  std::vector<std::string> told = deduced.fields;
-  told.insert(told.end(), deduced.kinds.begin(), deduced.kinds.end());
-  for (const std::string& field : differing_fields(config, deduced.config, told))
+  std::vector<std::string> known = deduced.fields;
+  known.insert(known.end(), deduced.kinds.begin(), deduced.kinds.end());
+  for (const std::string& field : differing_fields(config, deduced.config, known))
     fail(Status::usage, "{}: its shapes determine {}, which is {}, but {} was asked for", path, field,
          field_text(deduced.config, field), field_text(config, field));
   std::vector<std::string> missing;
-  for (const std::string& field : deduced.untold)
+  for (const std::string& field : deduced.unknown)
     if (given.count(field) == 0) missing.push_back(field);
   if (named.empty() && !missing.empty())
     fail(Status::usage,

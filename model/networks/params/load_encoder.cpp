@@ -263,7 +263,7 @@ DeducedConfig deduced_encoder(const TorchFile& file) {
   out.config = encoder.config();
   out.fields = {"patch", "vit_dim", "vit_depth"};
   if (!encoder.dinov3()) out.fields.emplace_back("vit_pos_grid");
-  out.untold = {"vit_heads", "groups", "image", "volume"};
+  out.unknown = {"vit_heads", "groups", "image", "volume"};
   return out;
 }
 

@@ -152,26 +152,26 @@ Tensor RayPredictor::forward(Context& ctx, const Tensor& tokens, Saved* saved, c
   if (v < 2 || v > config_.share_max_views)
     fail(Status::usage, "{} views given, but a network that predicts poses takes 2 to share_max_views = {}", v,
          config_.share_max_views);
-  const auto told = [&](const std::string& name, const Tensor& x) {
+  const auto report = [&](const std::string& name, const Tensor& x) {
     if (tap) tap("share." + name, x.reshaped({v, t, t, x.shape().back()}));
   };
   if (saved) *saved = {}, saved->tokens = tokens.shape();
   Tensor x = reduce(ctx, tokens, saved);
-  told("positioned", x);
+  report("positioned", x);
   if (saved) saved->matching.resize(2 * layers_.matching.size());
   for (std::size_t i = 0; i < layers_.matching.size(); ++i) {
     const std::string name = "match" + std::to_string(i);
     const Tensor before = x;  // the other views attend to this
     x = match(ctx, layers_.matching[i].self, x, x, groups(ctx, v, i, false), saved ? &saved->matching[2 * i] : nullptr);
-    told(name + ".self", x);
+    report(name + ".self", x);
     x = match(ctx, layers_.matching[i].cross, x, before, groups(ctx, v, i, true),
               saved ? &saved->matching[2 * i + 1] : nullptr);
-    told(name, x);
+    report(name, x);
   }
   if (saved) saved->matched = x;
   if (config_.share_pre_conv) {
     x = linear_forward(ctx, layers_.pre_conv, rows_of(x), "share.pre_conv");
-    told("pre_conv", x);
+    report("pre_conv", x);
   }
   RowSource in = rows_of(x);
   if (config_.share_view_dim > 0) {
@@ -189,17 +189,17 @@ Tensor RayPredictor::forward(Context& ctx, const Tensor& tokens, Saved* saved, c
   g.out = ctx.tensor({v * n, config_.share_ray_dim}, Type::f32, "poses.rays");
   g.name = "share.embedder";
   gemm(ctx, g);
-  told("embedded", g.out);
+  report("embedded", g.out);
   x = g.out.reshaped({1, v * n, config_.share_ray_dim});
   if (saved) saved->blocks.resize(layers_.blocks.size());
   for (std::size_t i = 0; i < layers_.blocks.size(); ++i) {
     x = block_forward(ctx, layers_.blocks[i], block_options(), x, saved ? &saved->blocks[i] : nullptr);
-    told("ray" + std::to_string(i), x);
+    report("ray" + std::to_string(i), x);
   }
   if (saved) saved->last = x;
   const Tensor normed = normed_forward(ctx, layers_.norm, x, kLastEps, "poses.normed");
   const Tensor out = linear_forward(ctx, layers_.head, rows_of(normed), "share.head").reshaped({v, t, t, 6});
-  told("plucker", out);
+  report("plucker", out);
   return out;
 }
 

@@ -2,7 +2,7 @@
 #pragma once
 #include <optional>
 
-#include "model/networks/layers/kept.h"
+#include "model/networks/layers/checkpointed.h"
 #include "model/networks/layers/vit.h"
 #include "model/networks/vsplat/fused_lift.h"
 #include "model/networks/vsplat/head.h"
@@ -67,13 +67,13 @@ struct VsplatModel::Saved {
         coarse_heads(recompute),
         fine(recompute) {}
 
-  Kept<Vit::Saved> encoder;
-  Kept<RayPredictor::Saved> rays;
-  Kept<PoseModulation::Saved> modulation;
-  Kept<Volume> volume;
-  Kept<CoarseHeads::Saved> coarse_heads;
+  Checkpointed<Vit::Saved> encoder;
+  Checkpointed<RayPredictor::Saved> rays;
+  Checkpointed<PoseModulation::Saved> modulation;
+  Checkpointed<Volume> volume;
+  Checkpointed<CoarseHeads::Saved> coarse_heads;
   SelectionSaved selection;
-  Kept<Fine> fine;
+  Checkpointed<Fine> fine;
   DeviceCameras cameras;               // for the stages that run again
   Shape features_shape, volume_shape;  // tensors whose gradients are sums
 };

@@ -9,7 +9,7 @@ namespace vsplat {
 namespace {
 
 constexpr long kViewFloats = 32;
-constexpr long kSumBlock = 512;  // Gaussians whose twists one work-item sums
+constexpr long kSumBlock = 512;  // Gaussians whose pose_gradients one work-item sums
 
 // A position as a float and its rounding error: differences of nearby positions far from the origin stay exact.
 void put_split(float* out, const Eigen::Vector3d& p) {
@@ -132,14 +132,14 @@ void project_backward(Context& ctx, const ProjectBackward& a) {
   d.bind("dchunk.quats", a.dchunk.quats, {"K", "4"}).bind("dchunk.opacities", a.dchunk.opacities, {"K"});
   d.bind("dchunk.sh", a.dchunk.sh, {"K", "S", "3"});
   if (a.view < 0 || a.view >= d["V"]) fail(Status::internal, "project_backward: view {} of {}", a.view, d["V"]);
-  d.bind_optional("twists", a.twists, {"N", "6"});
+  d.bind_optional("pose_gradients", a.pose_gradients, {"N", "6"});
   const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
   ctx.launch({"project_backward", "project_backward", a.antialias ? "-DANTIALIAS" : ""}, items(n),
              {count * (450.0 + 20.0 * sh) + rows * 10, count * (180.0 + 36.0 * sh) + rows * 41}, g.means, g.scales,
              g.quats, g.opacities, g.sh, a.views, a.view, static_cast<int>(a.mirrored), a.visible.ids,
              a.visible.records, a.intersections.rows, a.intersections.touched, a.offsets, written(a.dchunk.means),
              written(a.dchunk.scales), written(a.dchunk.quats), written(a.dchunk.opacities), written(a.dchunk.sh),
-             written_somewhere(a.twists), n, d["K"], a.base, s);
+             written_somewhere(a.pose_gradients), n, d["K"], a.base, s);
 }
 
 void project_pulls(Context& ctx, const ProjectPulls& a) {
@@ -164,16 +164,16 @@ Tensor pull_lengths(Context& ctx, const Tensor& pulls) {
   return out;
 }
 
-Tensor sum_twists(Context& ctx, Tensor twists) {
-  while (twists.dim(0) != 1) {
-    const long n = twists.dim(0), blocks = std::max(1L, (n + kSumBlock - 1) / kSumBlock);
+Tensor sum_pose_gradients(Context& ctx, Tensor pose_gradients) {
+  while (pose_gradients.dim(0) != 1) {
+    const long n = pose_gradients.dim(0), blocks = std::max(1L, (n + kSumBlock - 1) / kSumBlock);
     const Tensor sums = ctx.tensor({blocks, 6}, Type::f32, "project_backward.pose");
     const double values = 6.0 * static_cast<double>(n);
-    ctx.launch({"project_backward", "project_backward_pose", ""}, items(blocks * 6), {values, 4 * values}, twists,
-               written(sums), n, kSumBlock, blocks);
-    twists = sums;
+    ctx.launch({"project_backward", "project_backward_pose", ""}, items(blocks * 6), {values, 4 * values},
+               pose_gradients, written(sums), n, kSumBlock, blocks);
+    pose_gradients = sums;
   }
-  return twists.reshaped({6});
+  return pose_gradients.reshaped({6});
 }
 
 }  // namespace vsplat

@@ -85,13 +85,13 @@ struct ProjectBackward {
   Tensor offsets;         // u32 [N + 1]: from Binned
   IntersectionGradients intersections;
   GaussianGradients dchunk;  // of the chunk, added to
-  Tensor twists;             // [N,6] or none: a row for each visible Gaussian; those of the chunk are written
+  Tensor pose_gradients;     // [N,6] or none: a row for each visible Gaussian; those of the chunk are written
   bool antialias = false;
 };
 void project_backward(Context& ctx, const ProjectBackward& a);
 
 // f32 [6]: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
-Tensor sum_twists(Context& ctx, Tensor twists);
+Tensor sum_pose_gradients(Context& ctx, Tensor pose_gradients);
 
 // The magnitude of the loss's derivatives by each Gaussian's place on the screen (rasterize_backward() with Pulls).
 struct ProjectPulls {

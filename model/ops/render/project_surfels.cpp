@@ -65,14 +65,14 @@ void project_surfels_backward(Context& ctx, const ProjectSurfelsBackward& a) {
   d.bind("dchunk.quats", a.dchunk.quats, {"K", "4"}).bind("dchunk.opacities", a.dchunk.opacities, {"K"});
   d.bind("dchunk.sh", a.dchunk.sh, {"K", "S", "3"});
   if (a.view < 0 || a.view >= d["V"]) fail(Status::internal, "project_surfels_backward: view {} of {}", a.view, d["V"]);
-  d.bind_optional("twists", a.twists, {"N", "6"});
+  d.bind_optional("pose_gradients", a.pose_gradients, {"N", "6"});
   const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
   ctx.launch({"project_surfels_backward", "project_surfels_backward", ""}, items(n),
              {count * (600.0 + 20.0 * sh) + rows * 20, count * (210.0 + 36.0 * sh) + rows * 81}, g.means, g.scales,
              g.quats, g.opacities, g.sh, a.views, a.view, static_cast<int>(a.mirrored), number_of(a.revision),
              a.visible.ids, a.visible.records, a.intersections.rows, a.intersections.touched, a.offsets,
              written(a.dchunk.means), written(a.dchunk.scales), written(a.dchunk.quats), written(a.dchunk.opacities),
-             written(a.dchunk.sh), written_somewhere(a.twists), n, d["K"], a.base, s);
+             written(a.dchunk.sh), written_somewhere(a.pose_gradients), n, d["K"], a.base, s);
 }
 
 }  // namespace vsplat

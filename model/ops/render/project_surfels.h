@@ -39,7 +39,7 @@ struct ProjectSurfelsBackward {
   Tensor offsets;
   IntersectionGradients intersections;
   GaussianGradients dchunk;  // added to
-  Tensor twists;             // for sum_twists()
+  Tensor pose_gradients;     // for sum_pose_gradients()
   SurfelRevision revision = SurfelRevision::lara;
 };
 void project_surfels_backward(Context& ctx, const ProjectSurfelsBackward& a);

@@ -39,14 +39,14 @@ static stretch since(double wall, double processor) {
 typedef struct stopper {
   vsplat_device device;
   double after;
-  volatile double told;
+  volatile double cancelled_at;
   pthread_t id;
 } stopper;
 
 static void* stops(void* user) {
   stopper* s = user;
   usleep((unsigned)(1e6 * s->after));
-  s->told = now();
+  s->cancelled_at = now();
   EXPECT(VSPLAT_OK, vsplat_device_cancel(s->device));
   return NULL;
 }
@@ -54,7 +54,7 @@ static void* stops(void* user) {
 static void begin(stopper* s) { HOLD(pthread_create(&s->id, NULL, stops, s) == 0); }
 
 static double end(stopper* s) {
-  const double out = now() - s->told;
+  const double out = now() - s->cancelled_at;
   HOLD(pthread_join(s->id, NULL) == 0);
   return out;
 }
@@ -207,10 +207,11 @@ static void a_fit(vsplat_device device) {
     begin(&s);
     /* A cancellation that arrives at the end of a step or while the result is completed: then the next step is not
        requested, and nothing stops. */
-    while (status == VSPLAT_OK && now() - tried < 10 * whole.seconds && (s.told == 0 || now() < s.told + 0.001))
+    while (status == VSPLAT_OK && now() - tried < 10 * whole.seconds &&
+           (s.cancelled_at == 0 || now() < s.cancelled_at + 0.001))
       status = vsplat_fit_step(fit, NULL, &more);
     took[i] = end(&s);
-    s.told = 0;
+    s.cancelled_at = 0;
     HOLD(status == VSPLAT_OK || status == VSPLAT_ERROR_CANCELLED);
   }
   holds("a fit's step", took, trials, whole);
@@ -267,7 +268,7 @@ static void a_training(vsplat_device device) {
     s.after = 1.5 * step + (i + 0.5) / trials * step; /* it reads, uploads and starts */
     begin(&s);
     EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_train(device, endless, &options, &result));
-    took[i] = a.said - s.told;
+    took[i] = a.said - s.cancelled_at;
     HOLD(a.said > 0);
     (void)end(&s);
   }

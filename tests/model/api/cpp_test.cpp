@@ -95,10 +95,11 @@ bool are_equal(const Gaussians& a, const Gaussians& b) {
 
 void lambdas_are_called_and_what_they_throw_comes_out(const Setting& with) {
   std::vector<std::string> stages;
-  const Scene told = vsplat::reconstruct(with.device, with.model, with.input, with.options,
-                                         [&](const char* stage, double) { return stages.emplace_back(stage), true; });
+  const Scene reporting =
+      vsplat::reconstruct(with.device, with.model, with.input, with.options,
+                          [&](const char* stage, double) { return stages.emplace_back(stage), true; });
   HOLD(stages.size() > 3);
-  HOLD(are_equal(told.gaussians(), with.scene().gaussians()));
+  HOLD(are_equal(reporting.gaussians(), with.scene().gaussians()));
   HOLD(status_of([&] {
          vsplat::reconstruct(with.device, with.model, with.input, with.options,
                              [](const char*, double) { return false; });
@@ -111,7 +112,7 @@ void lambdas_are_called_and_what_they_throw_comes_out(const Setting& with) {
     thrown = std::string(e.what()) == "enough";
   }
   HOLD(thrown);
-  HOLD(are_equal(told.gaussians(), with.scene().gaussians()));  // and the device still works
+  HOLD(are_equal(reporting.gaussians(), with.scene().gaussians()));  // and the device still works
   int prepared = 0;
   vsplat::prepare(with.device, with.model, VSPLAT_PREPARE_OPTIONS_INIT,
                   [&](const char*, double) { return ++prepared > 0; });
@@ -184,7 +185,7 @@ void spans_are_read_and_written_where_they_lie(const Setting& with) {
   HOLD(pose[5] != 0);
 }
 
-void a_profile_is_told_in_rows(const Setting& with) {
+void a_profile_is_reported_in_rows(const Setting& with) {
   with.scene();
   Device stream = with.device.stream();
   stream.profile(true);
@@ -233,14 +234,14 @@ void cameras_are_made(const Setting& with) {
 
 void jobs_end_with_what_they_made(const Setting& with) {
   const Gaussians expected = with.scene().gaussians();
-  std::atomic<int> ended{0}, told{0};
+  std::atomic<int> ended{0}, calls{0};
   vsplat::JobFunctions functions;
-  functions.progress = [&](const char*, double) { return ++told > 0; };
+  functions.progress = [&](const char*, double) { return ++calls > 0; };
   functions.on_end = [&] { ++ended; };
   const Job job = vsplat::reconstruct_async(with.device, with.model, with.input, with.options, functions);
   const Scene scene = job.scene();
   HOLD(are_equal(scene.gaussians(), expected));
-  HOLD(told > 3);
+  HOLD(calls > 3);
 
   std::array<Picture, 1> pictures{Picture(16, 16)};
   const std::array<PictureSpans, 1> into{pictures[0]};
@@ -388,7 +389,7 @@ int main() try {
   lambdas_are_called_and_what_they_throw_comes_out(with);
   messages_reach_a_lambda();
   spans_are_read_and_written_where_they_lie(with);
-  a_profile_is_told_in_rows(with);
+  a_profile_is_reported_in_rows(with);
   cameras_are_made(with);
   jobs_end_with_what_they_made(with);
   scenes_are_edited();

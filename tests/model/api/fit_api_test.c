@@ -63,7 +63,7 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
   vsplat_camera camera = VSPLAT_CAMERA_INIT;
   double first = 0;
-  int32_t more = 1, judged = -1, steps = 0;
+  int32_t more = 1, held_out = -1, steps = 0;
   size_t n = 0;
   EXPECT(VSPLAT_OK, vsplat_fit_create(device, from, &o, &fit));
   while (more) {
@@ -81,9 +81,9 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   HOLD(result.result_psnr > result.start_psnr + 3);
   EXPECT(VSPLAT_OK, vsplat_fit_get_views(fit, VSPLAT_FIT_USED, NULL, 0, &n));
   HOLD(n == views);
-  EXPECT(VSPLAT_OK, vsplat_fit_get_views(fit, VSPLAT_FIT_HELD_OUT, &judged, 1, &n));
-  HOLD(n == 1 && judged >= 0 && judged < views);
-  EXPECT(VSPLAT_OK, vsplat_fit_get_view(fit, (size_t)judged, &camera, got, 3 * pixels));
+  EXPECT(VSPLAT_OK, vsplat_fit_get_views(fit, VSPLAT_FIT_HELD_OUT, &held_out, 1, &n));
+  HOLD(n == 1 && held_out >= 0 && held_out < views);
+  EXPECT(VSPLAT_OK, vsplat_fit_get_view(fit, (size_t)held_out, &camera, got, 3 * pixels));
   HOLD(camera.width == side && fabs(camera.fx - 30) < 1e-9);
   HOLD(fabs(camera.w2c[11] - 2) < 1e-9);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_fit_get_view(fit, views, &camera, NULL, 0));

@@ -81,8 +81,8 @@ static void counts(void* user, const char* kernel, int32_t before) {
 }
 
 /* Set in one thread, read in another. */
-static void tell(int* told) { __atomic_store_n(told, 1, __ATOMIC_RELEASE); }
-static int is_told(int* told) { return __atomic_load_n(told, __ATOMIC_ACQUIRE); }
+static void set(int* flag) { __atomic_store_n(flag, 1, __ATOMIC_RELEASE); }
+static int is_set(int* flag) { return __atomic_load_n(flag, __ATOMIC_ACQUIRE); }
 
 static int32_t hears(void* user, const char* stage, double done) {
   double* last = user;
@@ -169,7 +169,7 @@ static void has_ended(void* user, vsplat_job job) {
     EXPECT(VSPLAT_OK, vsplat_reconstruct_async(e->device, e->model, e->input, &options, NULL, &e->next));
   }
   pause_for(0.05);
-  tell(&e->calls);
+  set(&e->calls);
 }
 
 static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, vsplat_input input) {
@@ -190,7 +190,7 @@ static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, 
   EXPECT(VSPLAT_OK, vsplat_job_result(first, &got));
   HOLD(got && are_equal(got, want));
   vsplat_scene_release(got);
-  HOLD(is_told(&e.calls)); /* the caller may reuse its data */
+  HOLD(is_set(&e.calls)); /* the caller may reuse its data */
   EXPECT(VSPLAT_OK, vsplat_job_wait(e.next, patience(), &state));
   HOLD(state == VSPLAT_JOB_DONE);
   got = NULL;
@@ -243,7 +243,7 @@ static void jobs_queue_and_stop(vsplat_device device, vsplat_model model, vsplat
   vsplat_scene scene = NULL, none = NULL;
   vsplat_job running, queued = NULL;
   vsplat_job_state state = VSPLAT_JOB_QUEUED;
-  double told;
+  double cancelled_at;
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, &options, &scene));
   running = begin_drawing(device, scene, 100000, NULL);
   EXPECT(VSPLAT_OK, vsplat_reconstruct_async(device, model, input, &options, NULL, &queued));
@@ -255,11 +255,11 @@ static void jobs_queue_and_stop(vsplat_device device, vsplat_model model, vsplat
   HOLD(state == VSPLAT_JOB_QUEUED);
   EXPECT(VSPLAT_OK, vsplat_job_cancel(queued));
   vsplat_scene_release(scene); /* the job keeps it */
-  told = now();
+  cancelled_at = now();
   EXPECT(VSPLAT_OK, vsplat_job_cancel(running));
   EXPECT(VSPLAT_OK, vsplat_job_wait(running, -1, &state));
-  printf("a drawing was stopped in %.0f ms\n", 1e3 * (now() - told));
-  HOLD(state == VSPLAT_JOB_CANCELLED && now() - told < patience());
+  printf("a drawing was stopped in %.0f ms\n", 1e3 * (now() - cancelled_at));
+  HOLD(state == VSPLAT_JOB_CANCELLED && now() - cancelled_at < patience());
   EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_job_result(running, &none));
   EXPECT(VSPLAT_OK, vsplat_job_wait(queued, -1, &state));
   HOLD(state == VSPLAT_JOB_CANCELLED && !none);
@@ -300,7 +300,7 @@ static void jobs_know_their_thread(vsplat_device device, vsplat_model model, vsp
   }
   EXPECT(VSPLAT_OK, vsplat_job_wait(first, -1, &state));
   HOLD(state == VSPLAT_JOB_DONE);
-  HOLD(is_told(&e.calls)); /* the caller may reuse its data */
+  HOLD(is_set(&e.calls)); /* the caller may reuse its data */
   HOLD(e.waited == VSPLAT_ERROR_BUSY);
   EXPECT(VSPLAT_OK, vsplat_job_cancel(long_one));
   EXPECT(VSPLAT_OK, vsplat_job_wait(long_one, -1, &state));
@@ -312,7 +312,7 @@ static void jobs_know_their_thread(vsplat_device device, vsplat_model model, vsp
 static void releases_device(void* user, vsplat_job job) {
   int* done = user;
   (void)job;
-  tell(done);
+  set(done);
 }
 
 /* A job may hold the last reference to a device. */
@@ -328,7 +328,7 @@ static void the_last_job_closes(vsplat_model model, vsplat_input input) {
   EXPECT(VSPLAT_OK, vsplat_reconstruct_async(device, model, input, &options, &on_end, &job));
   vsplat_device_release(device);
   vsplat_job_release(job);
-  while (!is_told(&done)) pause_for(0.001);
+  while (!is_set(&done)) pause_for(0.001);
   pause_for(0.2); /* for its thread */
 }
 
@@ -336,13 +336,13 @@ static void the_last_job_closes(vsplat_model model, vsplat_input input) {
 
 typedef struct stopper {
   vsplat_device device;
-  double after, told;
+  double after, cancelled_at;
 } stopper;
 
 static void* stops(void* user) {
   stopper* s = user;
   pause_for(s->after);
-  s->told = now();
+  s->cancelled_at = now();
   EXPECT(VSPLAT_OK, vsplat_device_cancel(s->device));
   return NULL;
 }
@@ -363,8 +363,8 @@ static void stops_a_training(vsplat_device device) {
   HOLD(pthread_create(&id, NULL, stops, &s) == 0);
   EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_train(device, endless, &options, &result));
   HOLD(pthread_join(id, NULL) == 0);
-  printf("a training was stopped in %.0f ms: %s\n", 1e3 * (now() - s.told), vsplat_last_error());
-  HOLD(now() - s.told < patience() && strstr(vsplat_last_error(), "checkpoint-") != NULL);
+  printf("a training was stopped in %.0f ms: %s\n", 1e3 * (now() - s.cancelled_at), vsplat_last_error());
+  HOLD(now() - s.cancelled_at < patience() && strstr(vsplat_last_error(), "checkpoint-") != NULL);
   options.resume = 1;
   s.after = 1;
   HOLD(pthread_create(&id, NULL, stops, &s) == 0);
@@ -399,8 +399,8 @@ static void stops_a_reconstruction(vsplat_device device) {
   HOLD(pthread_create(&id, NULL, stops, &s) == 0);
   EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_reconstruct(device, model, input, NULL, &scene));
   HOLD(pthread_join(id, NULL) == 0);
-  printf("a reconstruction of %.0f ms was stopped in %.0f ms\n", 1e3 * whole, 1e3 * (now() - s.told));
-  HOLD(!scene && now() - s.told < patience());
+  printf("a reconstruction of %.0f ms was stopped in %.0f ms\n", 1e3 * whole, 1e3 * (now() - s.cancelled_at));
+  HOLD(!scene && now() - s.cancelled_at < patience());
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, NULL, &scene)); /* no effect of it remains */
   vsplat_scene_release(scene);
   EXPECT(VSPLAT_OK, vsplat_device_cancel(device)); /* there is nothing to stop */

@@ -13,8 +13,8 @@ static double now(void) {
   return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Runs all steps. Returns the seconds up to the first step that reports a time left; `told` is that step's number. */
-static double hold_times(int* told, double* last_step) {
+/* Runs all steps. Returns the seconds up to the first step that reports a time left; `first_step` is its number. */
+static double hold_times(int* first_step, double* last_step) {
   static double at[steps], left[steps];
   vsplat_device device = open_device();
   vsplat_views from = make_views(device);
@@ -44,7 +44,7 @@ static double hold_times(int* told, double* last_step) {
     HOLD(left[i] <= 5 * is_left + 1);
   }
   HOLD(first >= 0 && first < steps / 4);
-  *told = first + 1;
+  *first_step = first + 1;
   *last_step = (at[n - 1] - at[n / 2]) / (n - 1 - n / 2);
   out = first < 0 ? 0 : at[first];
   vsplat_fit_release(fit);
@@ -57,15 +57,15 @@ static double hold_times(int* told, double* last_step) {
 int main(void) {
   char caches[] = "/tmp/vsplat-pace-XXXXXX", command[128];
   double cold, warm, step;
-  int told = 0;
+  int first_step = 0;
   HOLD(mkdtemp(caches) != NULL);
   HOLD(setenv("VSPLAT_CACHE_DIR", caches, 1) == 0 && setenv("POCL_CACHE_DIR", caches, 1) == 0);
-  cold = hold_times(&told, &step);
-  printf("cold: %.2f s for the first %d steps, %.4f s for one of the last\n", cold, told, step);
+  cold = hold_times(&first_step, &step);
+  printf("cold: %.2f s for the first %d steps, %.4f s for one of the last\n", cold, first_step, step);
   /* If compilation were counted, the reported time would exceed the limit above by far. */
-  HOLD(cold / told * (steps - told) > 2 * (5 * step * (steps - told) + 1));
-  warm = hold_times(&told, &step);
-  printf("warm: %.2f s for the first %d steps, %.4f s for one of the last\n", warm, told, step);
+  HOLD(cold / first_step * (steps - first_step) > 2 * (5 * step * (steps - first_step) + 1));
+  warm = hold_times(&first_step, &step);
+  printf("warm: %.2f s for the first %d steps, %.4f s for one of the last\n", warm, first_step, step);
   HOLD(warm < cold);
   snprintf(command, sizeof command, "rm -r %s", caches);
   HOLD(system(command) == 0);

@@ -20,7 +20,7 @@ struct work {
   vsplat_model model;
   vsplat_input input;
   vsplat_scene scenes[ITEMS];
-  size_t told, lost_index, lost_item, losses;
+  size_t delivered, lost_index, lost_item, losses;
   size_t bad_item; /* fails with `bad` on any device; ITEMS: none */
   vsplat_status bad;
   int device_gone;   /* devices[1] fails from item 4 on */
@@ -41,8 +41,8 @@ static vsplat_status do_item(void* user, vsplat_device device, size_t index, siz
 
 static vsplat_status is_done(void* user, size_t item) {
   struct work* w = user;
-  HOLD(item == w->told && w->scenes[item] != NULL);
-  ++w->told;
+  HOLD(item == w->delivered && w->scenes[item] != NULL);
+  ++w->delivered;
   return item == w->stop_after ? VSPLAT_ERROR_CANCELLED : VSPLAT_OK;
 }
 
@@ -66,7 +66,7 @@ static vsplat_status run(struct work* w, size_t devices) {
     vsplat_scene_release(w->scenes[i]);
     w->scenes[i] = NULL;
   }
-  w->told = w->losses = 0;
+  w->delivered = w->losses = 0;
   return vsplat_share_out(w->devices, devices, ITEMS, do_item, &options);
 }
 
@@ -74,7 +74,7 @@ static void test_all_are_done(struct work* w, vsplat_scene wanted) {
   size_t devices, i;
   for (devices = 1; devices <= DEVICES; ++devices) {
     EXPECT(VSPLAT_OK, run(w, devices));
-    HOLD(w->told == ITEMS && w->losses == 0);
+    HOLD(w->delivered == ITEMS && w->losses == 0);
     for (i = 0; i < ITEMS; ++i) HOLD(are_equal(w->scenes[i], wanted));
   }
 }
@@ -83,20 +83,20 @@ static void test_others_go_on(struct work* w, vsplat_scene wanted) {
   size_t i;
   w->device_gone = 1;
   EXPECT(VSPLAT_OK, run(w, DEVICES));
-  HOLD(w->told == ITEMS && w->losses <= 1); /* no loss if the device got no item */
+  HOLD(w->delivered == ITEMS && w->losses <= 1); /* no loss if the device got no item */
   if (w->losses) HOLD(w->lost_index == 1 && w->lost_item >= 4);
   for (i = 0; i < ITEMS; ++i) HOLD(are_equal(w->scenes[i], wanted));
   w->device_gone = 0;
   w->bad_item = 7, w->bad = VSPLAT_ERROR_DEVICE; /* fails on every device */
   EXPECT(VSPLAT_ERROR_DEVICE, run(w, DEVICES));
-  HOLD(w->losses == DEVICES - 1 && w->told <= 7);
+  HOLD(w->losses == DEVICES - 1 && w->delivered <= 7);
   w->bad_item = ITEMS;
 }
 
 static void test_what_ends_it(struct work* w) {
   w->bad_item = 5, w->bad = VSPLAT_ERROR_INPUT;
   EXPECT(VSPLAT_ERROR_INPUT, run(w, DEVICES));
-  HOLD(w->told == 5 && w->losses == 0);
+  HOLD(w->delivered == 5 && w->losses == 0);
   w->failed_call = 1;
   EXPECT(VSPLAT_ERROR_USAGE, run(w, DEVICES)); /* status and message of the failed call */
   HOLD(strstr(vsplat_last_error(), "out_scene") != NULL);
@@ -107,7 +107,7 @@ static void test_what_ends_it(struct work* w) {
   w->bad_item = ITEMS;
   w->stop_after = 3;
   EXPECT(VSPLAT_ERROR_CANCELLED, run(w, DEVICES));
-  HOLD(w->told == 4);
+  HOLD(w->delivered == 4);
   w->stop_after = ITEMS;
 }
 

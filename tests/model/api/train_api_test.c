@@ -112,7 +112,7 @@ static void keeps_its_checkpoint(vsplat_device device) {
   static const char* const endless =
       "{\"model\": \"micro\", \"steps\": 100000, \"procedural\": 1, \"batch\": 1, \"checkpoint_every\": 0, "
       "\"sheet_every\": 0}";
-  static const char* const told = "its checkpoint is ";
+  static const char* const words = "its checkpoint is ";
   char run[] = "/tmp/vsplat-train-XXXXXX", command[128];
   vsplat_train_options options = VSPLAT_TRAIN_OPTIONS_INIT;
   vsplat_train_result result = VSPLAT_TRAIN_RESULT_INIT;
@@ -128,8 +128,8 @@ static void keeps_its_checkpoint(vsplat_device device) {
   EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_train(device, endless, &options, &result));
   s.ended = s.begun = 1;
   HOLD(pthread_join(thread, NULL) == 0);
-  path = strstr(vsplat_last_error(), told);
-  HOLD(path != NULL && access(path + strlen(told), R_OK) == 0);
+  path = strstr(vsplat_last_error(), words);
+  HOLD(path != NULL && access(path + strlen(words), R_OK) == 0);
   snprintf(command, sizeof command, "rm -r %s", run);
   HOLD(system(command) == 0);
 }

@@ -23,8 +23,8 @@ Eigen::Matrix4d exponential(const PoseTwist& t) {
 
 TEST(PoseNoise, MotionsAreTheMatrixExponential) {
   for (const double sigma : {0.0, 1e-4, 0.01, 0.04, 0.06, 0.15, 1.0})
-    for (const PoseTwist& twist : draw_pose_noise(20, sigma, 3, 0, "a"))
-      EXPECT_LT((motion_of(twist) - exponential(twist)).norm(), 1e-12) << sigma;
+    for (const PoseTwist& pose_gradient : draw_pose_noise(20, sigma, 3, 0, "a"))
+      EXPECT_LT((motion_of(pose_gradient) - exponential(pose_gradient)).norm(), 1e-12) << sigma;
 }
 
 TEST(PoseNoise, IsNormalAndTheFirstViewIsExact) {

@@ -76,7 +76,7 @@ TEST(Doctor, FindsNothingWrongWithAProcessorAlone) {
 TEST(Doctor, TellsWhatSelfTestsFound) {
   Looked looked = with_a_processor();
   looked.devices[0].seen.driver = "3.1";
-  KeptVerdict kept{"processor", "3.1", {Fitness::ok, {}, "", "2026-11-23"}};
+  StoredVerdict kept{"processor", "3.1", {Fitness::ok, {}, "", "2026-11-23"}};
   looked.verdicts = {kept};
   EXPECT_TRUE(findings_of(looked).empty());
   kept.verdict = {Fitness::degraded, {}, std::string(100, 'x') + " kernel k is off by 0.5", "2026-11-23"};

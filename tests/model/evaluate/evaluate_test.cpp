@@ -51,15 +51,15 @@ class EvaluateTest : public test::FlavourTest {
 };
 VSPLAT_FLAVOURS(EvaluateTest);
 
-// Computes the same as `reconstruct` and `render` do: a scene in the user's world, drawn from listed cameras. `judged`:
-// edge of the compared pictures; 0: the model's. `masked`: whether the pictures have alpha.
-void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int judged, bool masked = true) {
+// Computes the same as `reconstruct` and `render` do: a scene in the user's world, drawn from listed cameras.
+// `compared`: edge of the compared pictures; 0: the model's. `masked`: whether the pictures have alpha.
+void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int compared, bool masked = true) {
   const Model model(ctx);
   EvaluateOptions asked;
-  asked.request.judged = judged;
+  asked.request.compared = compared;
   asked.request.crop = masked ? Crop::automatic : Crop::pad;
   const Evaluation got = evaluate(ctx, *model.network, open_data_set({folder.string()}), asked);
-  const int side = judged > 0 ? judged : kSide;
+  const int side = compared > 0 ? compared : kSide;
   ASSERT_EQ(got.objects.size(), 3u);
   EXPECT_EQ(got.skipped, 0u);
   EXPECT_TRUE(got.sheet.empty());
@@ -85,11 +85,11 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
       for (float& v : out.data) v = 1 - v;
       return out;
     };
-    std::vector<PreparedView> inputs, inputs_judged;
+    std::vector<PreparedView> inputs, inputs_compared;
     std::vector<Image> truth, drawn, white, nearest, shown;
     for (const Group& group : kmeans(positions, model.config.views)) {
       inputs.push_back(prepared(group.members.front(), kSide));
-      inputs_judged.push_back(prepared(group.members.front(), side));
+      inputs_compared.push_back(prepared(group.members.front(), side));
     }
     const Reconstruction made = reconstruct(ctx, *model.network, inputs, {}, {});
     RenderOptions options;
@@ -110,11 +110,11 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
         };
         return angle(a) < angle(b);
       };
-      nearest.push_back(std::min_element(inputs_judged.begin(), inputs_judged.end(), by_angle)->image);
+      nearest.push_back(std::min_element(inputs_compared.begin(), inputs_compared.end(), by_angle)->image);
     }
     ASSERT_GE(truth.size(), 2u);
     // The evaluation stores resampled pictures in 8 bits; here they are floats.
-    const double within = judged > 0 ? 1e-2 : 1e-4;
+    const double within = compared > 0 ? 1e-2 : 1e-4;
     EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth, shown), std::max(within, 1e-3));
     EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth, shown), within);
     EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth, shown), within);
@@ -135,22 +135,22 @@ TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, kSide);
   test::take_alpha(folder, 3);
-  for (const int judged : {0, 24}) check_against_reconstructing(ctx(), folder, judged, false);
+  for (const int compared : {0, 24}) check_against_reconstructing(ctx(), folder, compared, false);
 }
 
 // Photographs larger than the model's pictures: compared at full size, and at a size in between.
-TEST_P(EvaluateTest, JudgesAtAnotherSize) {
+TEST_P(EvaluateTest, ComparesAtAnotherSize) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, 2 * kSide);
-  for (const int judged : {2 * kSide, 24}) check_against_reconstructing(ctx(), folder, judged);
+  for (const int compared : {2 * kSide, 24}) check_against_reconstructing(ctx(), folder, compared);
   const Model model(ctx());
   EvaluateOptions options;
-  options.request.judged = kSide;
+  options.request.compared = kSide;
   const Evaluation same = evaluate(ctx(), *model.network, data(), options);
   EXPECT_EQ(same.mean.psnr, evaluate(ctx(), *model.network, data(), {}).mean.psnr);
-  for (const int judged : {1, 10, 4097}) {
-    options.request.judged = judged;
-    test::expect_error(Status::usage, {"evaluate_size is " + std::to_string(judged), "11 to 4096"},
+  for (const int compared : {1, 10, 4097}) {
+    options.request.compared = compared;
+    test::expect_error(Status::usage, {"evaluate_size is " + std::to_string(compared), "11 to 4096"},
                        [&] { evaluate(ctx(), *model.network, data(), options); });
   }
 }
@@ -196,7 +196,7 @@ TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
   const Image sheet = evaluate(ctx(), *model.network, data(), options).sheet;
   const int step = kSide + ContactSheet::margin;
   EXPECT_EQ(sheet.width, 12 * step + ContactSheet::margin);
-  const int down = step + ContactSheet::label_room;
+  const int down = step + ContactSheet::label_height;
   EXPECT_EQ(sheet.height, 4 * down + ContactSheet::margin);
   // The first input of the best object, and below it the first novel view unchanged.
   Evaluation numbers = evaluate(ctx(), *model.network, data(), {});
@@ -247,14 +247,14 @@ TEST_P(EvaluateTest, BadDataAreNamedOrPassedOver) {
 TEST_P(EvaluateTest, ProgressMayStopIt) {
   const Model model(ctx());
   EvaluateOptions options;
-  std::vector<std::string> told;
+  std::vector<std::string> reported;
   options.progress = [&](const std::string& object, double done) {
-    EXPECT_NEAR(done, static_cast<double>(told.size()) / 3, 1e-12);
-    told.push_back(object);
-    if (told.size() == 2) fail(Status::cancelled, "enough");
+    EXPECT_NEAR(done, static_cast<double>(reported.size()) / 3, 1e-12);
+    reported.push_back(object);
+    if (reported.size() == 2) fail(Status::cancelled, "enough");
   };
   EXPECT_THROW(evaluate(ctx(), *model.network, data(), options), Error);
-  EXPECT_EQ(told, (std::vector<std::string>{"solid_0", "solid_1"}));
+  EXPECT_EQ(reported, (std::vector<std::string>{"solid_0", "solid_1"}));
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ TEST_P(Background, IsMeasuredOverItsBackground) {
   const auto over = [&](const FitBackground& background) {
     FitOptions options;
     options.background = background;
-    return Fitter(ctx(), Gaussians{}, kSkyNear, {}, options).judge(blue).psnr;
+    return Fitter(ctx(), Gaussians{}, kSkyNear, {}, options).score(blue).psnr;
   };
   const auto off = [](double r, double g, double b) { return -10 * std::log10((r * r + g * g + b * b) / 3); };
   EXPECT_GT(over({Kind::colour, {0, 0.4f, 1}}), 100);
@@ -55,9 +55,9 @@ TEST_P(Background, OnlyKnownPixelsAreMeasured) {
   FitOptions options;
   options.background = {FitBackground::Kind::colour, {0, 0, 0}};
   Fitter fitter(ctx(), Gaussians{}, kSkyNear, {}, options);
-  const FitScore whole = fitter.judge(upload(ctx(), picture));
+  const FitScore whole = fitter.score(upload(ctx(), picture));
   for (std::size_t i = 0; i < 1600; ++i) picture.known.push_back(i % 40 < 30 ? 1 : 0);
-  const FitScore part = fitter.judge(upload(ctx(), picture));
+  const FitScore part = fitter.score(upload(ctx(), picture));
   EXPECT_NEAR(part.psnr, whole.psnr, 1e-4);
   EXPECT_NEAR(part.ssim, whole.ssim, 0.05);
 }
@@ -120,7 +120,7 @@ TEST_P(Background, LearnsASkyAndWritesIt) {
   FitOptions options;
   options.background.kind = FitBackground::Kind::sky;
   Fitter fitter(ctx(), round_one(0.02f, 0.1f, 0), kSkyNear, {}, options);
-  const double before = fitter.judge(pictures[0]).psnr;
+  const double before = fitter.score(pictures[0]).psnr;
   for (std::size_t i = 0; i < 400; ++i) fitter.step(pictures[i % 6]);
   const Gaussians written = fitter.gaussians();
   ASSERT_GE(written.count, static_cast<std::size_t>(kSkyGaussians));
@@ -129,7 +129,7 @@ TEST_P(Background, LearnsASkyAndWritesIt) {
   const double reach = std::sqrt(4 * M_PI / kSkyGaussians) * std::sqrt(2 * std::log(0.9 * 255)) + 1.6 / 100;
   const auto off = [](const FitScore& score) { return std::pow(10, -score.psnr / 20); };
   for (std::size_t i = 0; i < pictures.size(); ++i) {
-    const FitScore learnt = fitter.judge(pictures[i]), after = fitter.judge(written, pictures[i]);
+    const FitScore learnt = fitter.score(pictures[i]), after = fitter.score(written, pictures[i]);
     EXPECT_GT(learnt.psnr, std::max(before + 10, 32.0));
     EXPECT_LT(off(after), off(learnt) + reach * slope(ref::sky(sky, given[i].camera), given[i].camera));
   }

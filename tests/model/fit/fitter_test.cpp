@@ -207,7 +207,7 @@ class FitterTest : public test::FlavourTest {
   // The mean squared error over pictures.
   static double error(Fitter& fitter, const std::vector<DeviceFitPicture>& pictures) {
     double sum = 0;
-    for (const auto& p : pictures) sum += std::pow(10, -0.1 * fitter.judge(p).psnr);
+    for (const auto& p : pictures) sum += std::pow(10, -0.1 * fitter.score(p).psnr);
     return sum / static_cast<double>(pictures.size());
   }
 
@@ -294,12 +294,12 @@ TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {
 }
 
 // Rounding to bytes limits the result to 59 dB.
-TEST_P(FitterTest, JudgesAScenesOwnPicturesAsThemselves) {
+TEST_P(FitterTest, ScoresAScenesOwnPicturesAsThemselves) {
   const Gaussians g = scene(12, 1);
   const auto pictures = uploaded(pictures_of(g, 3, 40));
   Fitter fitter(ctx(), g, test::kNear, {}, {});
   for (const auto& p : pictures) {
-    const FitScore score = fitter.judge(p);
+    const FitScore score = fitter.score(p);
     EXPECT_GT(score.psnr, 50);
     EXPECT_GT(score.ssim, 0.999);
   }
@@ -415,7 +415,7 @@ TEST_P(FitterTest, AStartWithNoGaussianStaysOne) {
     for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
     EXPECT_EQ(fitter.count(), 0);
     EXPECT_EQ(fitter.gaussians().count, 0U);
-    EXPECT_GT(fitter.judge(pictures[0]).psnr, 0);
+    EXPECT_GT(fitter.score(pictures[0]).psnr, 0);
     expect_finite(fitter);
   }
 }

@@ -99,7 +99,7 @@ TEST_F(SceneFitMemoryTest, WithoutRoomForPicturesTheyAreReadAgain) {
   };
   const auto fresh = test::open_context(Flavour::cpu);
   SceneFit ample(*fresh, photographs_, start(), request);
-  const FitRoom planned = ample.memory();
+  const FitBudget planned = ample.memory();
   const FitResult want = run_to_end(ample);
   EXPECT_LE(fresh->memory().peak(), planned.fit.peak + planned.on_device);
   EXPECT_LT(asked, 40U);
@@ -136,7 +136,7 @@ TEST_F(SceneFitMemoryTest, WhatTouchesManyTilesIsDrawnInParts) {
   request.max_gaussians = static_cast<long>(start_.gaussians.count);
   const auto fresh = test::open_context(Flavour::cpu);
   SceneFit ample(*fresh, photographs_, start(), request);
-  const FitRoom planned = ample.memory();
+  const FitBudget planned = ample.memory();
   const FitResult want = run_to_end(ample);
   ASSERT_GT(fresh->memory().peak(), planned.fit.peak + (std::size_t{8} << 20));
   const auto tight = test::open_context(Flavour::cpu);
@@ -156,20 +156,20 @@ TEST_F(SceneFitMemoryTest, TheHostsMemoryIsSharedWithItsDevice) {
   FitOptions options;
   options.grow_every = 1;
   options.max_gaussians = 20000;
-  const auto room_at = [&](double bytes) {
+  const auto budget_at = [&](double bytes) {
     set_host_memory_limit(reserved_host_memory() + static_cast<std::size_t>(bytes));
-    const FitRoom out = spare_room(*fresh, start_.gaussians, start_.near, options, camera);
+    const FitBudget out = fit_budget(*fresh, start_.gaussians, start_.near, options, camera);
     const long most = affordable_gaussians(*fresh, start_.gaussians, start_.near, options, camera);
     set_host_memory_limit(0);
     return std::pair(out, most);
   };
-  const auto [ample, all] = room_at(8.0 * (1u << 30));
+  const auto [ample, all] = budget_at(8.0 * (1u << 30));
   EXPECT_EQ(all, 20000);
   EXPECT_EQ(ample.on_host, kMostCached);
   const double whole = static_cast<double>(ample.fit.peak) + ample.host;
   const bool shared = fresh->memory().limits().on_host;
-  const auto [some, still_all] = room_at(whole + 1000);
-  const auto [none, fewer] = room_at(0.7 * whole);
+  const auto [some, still_all] = budget_at(whole + 1000);
+  const auto [none, fewer] = budget_at(0.7 * whole);
   if (!shared) return;
   EXPECT_EQ(still_all, 20000);
   EXPECT_LE(some.on_device + some.on_host, 1000U);

@@ -41,7 +41,7 @@ TEST_F(SceneFitTest, WhatNoPictureMissesGoes) {
     for (const float v : result.scene.gaussians.means) EXPECT_LT(std::abs(v), 5);
     if (kind == FitHoldout::Kind::none) continue;
     double psnr = 0;
-    for (const int view : result.judged) {
+    for (const int view : result.held_out) {
       RenderOptions how;
       how.near = result.scene.near;
       const Picture drawn = render_picture(ctx(), upload(ctx(), result.scene.gaussians), fit.camera(view), how);
@@ -51,7 +51,7 @@ TEST_F(SceneFitTest, WhatNoPictureMissesGoes) {
         sum += std::pow(std::clamp(drawn.colour.data[i], 0.0f, 1.0f) - given.data[i], 2);
       psnr -= 10 * std::log10(sum / static_cast<double>(given.data.size()));
     }
-    EXPECT_NEAR(psnr / static_cast<double>(result.judged.size()), result.result.psnr, 0.01);
+    EXPECT_NEAR(psnr / static_cast<double>(result.held_out.size()), result.result.psnr, 0.01);
   }
 }
 
@@ -115,7 +115,7 @@ TEST_F(SceneFitTest, GrowthIsLimitedByTheMemory) {
   EXPECT_LE(peak_of(most), limit);
   test::expect_error(Status::memory, {"not enough device memory"}, [&] {
     options.max_gaussians = most + 1000000 / 32;
-    spare_room(*tight, start_.gaussians, start_.near, options, camera);
+    fit_budget(*tight, start_.gaussians, start_.near, options, camera);
   });
 }
 

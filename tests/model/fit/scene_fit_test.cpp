@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "model/base/resample.h"
-#include "model/fit/suspects.h"
+#include "model/fit/outliers.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_fit_pictures.h"
 #include "tests/support/temporary.h"
@@ -24,7 +24,7 @@ TEST_F(SceneFitTest, FewViewsAreEachLeftOutAndThenAllFitted) {
   const FitResult result = run(request);
   const std::vector<std::vector<int>> want = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}, {0, 1, 2, 3}};
   EXPECT_EQ(asked_, want);
-  EXPECT_EQ(result.judged, (std::vector<int>{0, 1, 2, 3}));
+  EXPECT_EQ(result.held_out, (std::vector<int>{0, 1, 2, 3}));
   EXPECT_GT(result.steps, 0);
   EXPECT_GT(result.result.psnr, result.start.psnr + 0.5);
   EXPECT_FALSE(result.start_returned);
@@ -60,7 +60,7 @@ TEST_F(SceneFitTest, OfManyViewsEveryEighthIsHeldOut) {
   request.steps = 120;
   request.max_gaussians = 200;
   const FitResult result = run(request);
-  EXPECT_EQ(result.judged, (std::vector<int>{0, 8}));
+  EXPECT_EQ(result.held_out, (std::vector<int>{0, 8}));
   EXPECT_EQ(asked_, (std::vector<std::vector<int>>{{1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12}}));
   EXPECT_GT(result.result.psnr, result.start.psnr + 2);
   EXPECT_GT(result.scene.gaussians.count, start_.gaussians.count);
@@ -75,14 +75,14 @@ TEST_F(SceneFitTest, AWholeSceneIsTheLastStepsAndHoldsOneOfFiveOut) {
   request.whole = true;
   request.steps = 150;
   const FitResult result = run(request);
-  EXPECT_EQ(result.judged, std::vector<int>{0});
+  EXPECT_EQ(result.held_out, std::vector<int>{0});
   EXPECT_EQ(result.steps, 150);
   EXPECT_FALSE(result.start_returned);
   EXPECT_GT(result.result.psnr, result.start.psnr + 1);
   EXPECT_EQ(result.scene.gaussians.sh_degree, 3);
   expect_finite(result.scene);
   request.names = {"@0", "@1", "@2", "@3"};
-  EXPECT_TRUE(run(request).judged.empty());
+  EXPECT_TRUE(run(request).held_out.empty());
 }
 
 TEST_F(SceneFitTest, TheStartIsReturnedWhereItIsBest) {
@@ -278,7 +278,7 @@ TEST_F(SceneFitTest, AWrongPoseIsNamed) {
   FitRequest request;
   request.steps = 200;
   const FitResult result = run(request);
-  EXPECT_EQ(result.suspects, std::vector<int>{5});
+  EXPECT_EQ(result.outliers, std::vector<int>{5});
 }
 
 TEST_F(SceneFitTest, PicturesOfMoreThanTheCubeAreWarnedOf) {
@@ -340,16 +340,16 @@ TEST_F(SceneFitTest, TimeLeavesEnoughForTheFit) {
   request.seconds = 2;
   const FitResult result = run(request);
   EXPECT_FALSE(result.start_returned);
-  EXPECT_GT(result.judged.size(), 0u);
+  EXPECT_GT(result.held_out.size(), 0u);
   EXPECT_GT(result.result.psnr, result.start.psnr);
   EXPECT_LT(result.seconds, 3);
 }
 
-TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotFitted) {
+TEST_F(SceneFitTest, OneViewIsNotMeasuredAndNotFitted) {
   make(1);
   const FitResult result = run({});
   EXPECT_TRUE(result.start_returned);
-  EXPECT_TRUE(result.judged.empty());
+  EXPECT_TRUE(result.held_out.empty());
   EXPECT_TRUE(std::isnan(result.result.psnr));
   FitRequest none;
   none.holdout.kind = FitHoldout::Kind::none;
@@ -396,11 +396,11 @@ TEST(Outliers, AreFarBelowTheOthers) {
     for (std::size_t i = 0; i < psnr.size(); ++i) out[i].psnr = psnr[i];
     return out;
   };
-  EXPECT_TRUE(outliers(scores({30, 31, 10, 30})).empty());  // too few to decide
-  EXPECT_EQ(outliers(scores({30, 31, 10, 30, 29})), std::vector<std::size_t>{2});
-  EXPECT_EQ(outliers(scores({30, 15, 10, 30, 29, 31})), (std::vector<std::size_t>{2, 1}));
-  EXPECT_TRUE(outliers(scores({30, 28, 27, 33, 29})).empty());
-  EXPECT_TRUE(outliers(scores({20, 35, 25, 30, 15, 40})).empty());  // all differ
+  EXPECT_TRUE(find_outliers(scores({30, 31, 10, 30})).empty());  // too few to decide
+  EXPECT_EQ(find_outliers(scores({30, 31, 10, 30, 29})), std::vector<std::size_t>{2});
+  EXPECT_EQ(find_outliers(scores({30, 15, 10, 30, 29, 31})), (std::vector<std::size_t>{2, 1}));
+  EXPECT_TRUE(find_outliers(scores({30, 28, 27, 33, 29})).empty());
+  EXPECT_TRUE(find_outliers(scores({20, 35, 25, 30, 15, 40})).empty());  // all differ
 }
 
 }  // namespace

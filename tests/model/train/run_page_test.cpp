@@ -138,7 +138,7 @@ TEST(Report, DamagedLinesAreLeftOutAndTold) {
   EXPECT_NE(all_notes(data).find("log.csv: 6 of its lines cannot be read"), std::string::npos) << all_notes(data);
 }
 
-TEST(Report, WhatIsMissingOrDamagedIsTold) {
+TEST(Report, WhatIsMissingOrDamagedIsReported) {
   const TemporaryFolder folder;
   const std::string run = folder / "run";
   put_run(run, "");
@@ -234,7 +234,7 @@ TEST(Report, SheetsAreBoundedAndNothingElse) {
   EXPECT_EQ(of_run["sheets_left_out"], 2);
 }
 
-TEST(Report, SeveralRunsAreToldApart) {
+TEST(Report, SeveralRunsAreDistinguished) {
   const TemporaryFolder folder;
   for (const char* run : {"a/run", "b/run", "c"}) put_run(folder / run, kHeader + line(10));
   put_sheet(folder / "c", 10, kPng + "s");

@@ -115,17 +115,17 @@ TEST_F(TrainerParts, EachPartStaysWithItsKindOfDevice) {
   expect_equal(first, trained(begun, {Flavour::cpu, Flavour::gpu, Flavour::gpu}, 2));
 }
 
-TEST_F(TrainerParts, OtherKindsAreTold) {
+TEST_F(TrainerParts, OtherKindsAreReported) {
   Checkpoint begun = trained(with_parts(4), {Flavour::cpu, Flavour::gpu}, 1);
   begun.state["part_devices"] = "gone\ngone\ngone\ngone\n";
-  std::vector<std::string> told;
+  std::vector<std::string> warnings;
   set_log_sink([&](LogLevel level, const std::string& text) {
-    if (level == LogLevel::warning) told.push_back(text);
+    if (level == LogLevel::warning) warnings.push_back(text);
   });
   const Checkpoint after = trained(begun, {Flavour::cpu}, 2);
   set_log_sink({});
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_NE(told[0].find("other kinds"), std::string::npos);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("other kinds"), std::string::npos);
   EXPECT_EQ(after.state.count("part_devices"), 0U);
 }
 
@@ -144,16 +144,16 @@ TEST_F(TrainerParts, OthersDoTheWorkOfOneThatFails) {
   ContextOptions little;
   little.max_memory_gib = 1.01 * weights / gib;
   const std::unique_ptr<Context> small = test::open_context(Flavour::cpu, little);
-  std::vector<std::string> told;
+  std::vector<std::string> warnings;
   set_log_sink([&](LogLevel level, const std::string& text) {
-    if (level == LogLevel::warning) told.push_back(text);
+    if (level == LogLevel::warning) warnings.push_back(text);
   });
   Trainer trainer(context(Flavour::cpu, 0), with_parts(kObjects), 0, {small.get()});
   for (int i = 0; i < 2; ++i) trainer.step(items_);
   set_log_sink({});
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_NE(told[0].find("no more parts"), std::string::npos) << told[0];
-  EXPECT_NE(told[0].find("not enough device memory"), std::string::npos) << told[0];
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("no more parts"), std::string::npos) << warnings[0];
+  EXPECT_NE(warnings[0].find("not enough device memory"), std::string::npos) << warnings[0];
   expect_equal(wanted, trainer.checkpoint());
 }
 

@@ -129,7 +129,7 @@ TEST(PoseCheck, WarnsWhereAxesMeetBadlyAndOtherPosesWell) {
   EXPECT_NE(warnings.text().find("camera-to-world matrices (c2w) where"), std::string::npos) << warnings.text();
 }
 
-TEST(PoseCheck, OnePlaceIsToldOfFarFromTheOriginToo) {
+TEST(PoseCheck, OnePlaceIsReportedFarFromTheOriginToo) {
   test::Warnings warnings;
   const Vector3d far(482345.125, 5456789.5, 212.75);
   warn_of_unlikely_cameras("set", test::ring(4, far));

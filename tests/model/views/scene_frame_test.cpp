@@ -67,7 +67,7 @@ TEST(SceneFrame, CamerasAtOnePlaceNeedPoints) {
   test::expect_error(Status::usage, {"no camera"}, [] { scene_frame({}, {}); });
 }
 
-TEST(SceneFrame, PointsThatTheNearPlaneCutsAreTold) {
+TEST(SceneFrame, PointsThatTheNearPlaneCutsAreReported) {
   std::vector<ColoredPoint> points;
   points.reserve(10);
   for (int i = 0; i < 10; ++i) points.push_back(at(0, 0, 1 + i));

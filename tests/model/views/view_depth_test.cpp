@@ -105,23 +105,23 @@ TEST_F(ViewDepth, ALensIsUndone) {
 }
 
 TEST_F(ViewDepth, WhatCannotBeReadIsNamed) {
-  const auto told = [&](Status status, const std::string& words) {
+  const auto refused = [&](Status status, const std::string& words) {
     const std::string text = test::refusal([&] { depths(seeing(), seeing()); }, status);
     EXPECT_NE(text.find(words), std::string::npos) << text;
   };
-  told(Status::file, "depth.png");
+  refused(Status::file, "depth.png");
   write_png(folder_ / "depth.png", Image(kWide, kHigh, 1, 0.5f));
   EXPECT_NEAR(depths(seeing(), seeing())[0], 0.128, 1e-6);
   Image colours(kWide, kHigh, 3, 0.5f);
   colours.data[10] = 0.6f;
   write_png(folder_ / "depth.png", colours);
-  told(Status::format, "the pixel at 3, 0 has a colour");
+  refused(Status::format, "the pixel at 3, 0 has a colour");
   write_jpeg(folder_ / "depth.png", colours, 90);
-  told(Status::format, "a grey PNG or an EXR");
+  refused(Status::format, "a grey PNG or an EXR");
   write_depth_png(folder_ / "depth.png", made(kWide, kHigh + 2));
-  told(Status::input, "a depth picture must have its picture's shape");
+  refused(Status::input, "a depth picture must have its picture's shape");
   set_.views[0].depth.clear();
-  told(Status::input, "no frame names one");
+  refused(Status::input, "no frame names one");
   set_.views.resize(2);
   set_.views[1].depth = folder_ / "depth.png";
   const test::Warnings warnings;

@@ -43,8 +43,8 @@ class EvaluateNumbers(support.Case):
 
     def test_numbers_are_the_specifications(self):
         """Everything but the network's forward, from the files and the network's Gaussians, by the specification in PyTorch."""
-        told = json.loads(self.succeeds("evaluate", self.set, "--model", self.model, "--json")[0])
-        for row in told["objects"]:
+        report = json.loads(self.succeeds("evaluate", self.set, "--model", self.model, "--json")[0])
+        for row in report["objects"]:
             folder = os.path.join(self.set, row["name"])
             with open(os.path.join(folder, "transforms.json")) as f:
                 listed = json.load(f)

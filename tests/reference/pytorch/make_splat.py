@@ -212,7 +212,7 @@ def case(name, shape):
         out["input.mirror"] = mirror
     if antialias:
         out["input.antialias"] = torch.ones(1)
-    shots, cotangents, twists = [], [], []
+    shots, cotangents, pose_gradients = [], [], []
     for v in range(views):
         xi = torch.zeros(6, dtype=torch.float64, requires_grad=True)
         shot = pictures(g, torch.matrix_exp(hat(xi)) @ w2c[v], lens[v], width, height, background, near, mirror, antialias)
@@ -222,13 +222,13 @@ def case(name, shape):
             loss.backward()
         shots.append([x.detach() for x in shot])
         cotangents.append(cotangent)
-        twists.append(torch.zeros(6, dtype=torch.float64) if xi.grad is None else xi.grad)
+        pose_gradients.append(torch.zeros(6, dtype=torch.float64) if xi.grad is None else xi.grad)
     for prefix, parts in (("picture", shots), ("cotangent", cotangents)):
         for part, views_of in zip(("colour", "alpha", "depth"), zip(*parts)):
             out[f"{prefix}.{part}"] = torch.stack(views_of)
     for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields()):
         out[f"grad.{f}"] = torch.zeros_like(x) if x.grad is None else x.grad
-    out["grad.pose"] = torch.stack(twists)
+    out["grad.pose"] = torch.stack(pose_gradients)
     meta = {"count": count, "degree": degree, "views": views, "width": width, "height": height}
     return {k: v.float() for k, v in out.items()}, meta
 

@@ -175,7 +175,7 @@ def case(name, shape):
     out.update({"input.w2c": w2c, "input.intrinsics": lens, "input.background": background, "input.near": torch.tensor([splat2d.NEAR])})
     if mirror is not None:
         out["input.mirror"] = mirror
-    shots, cotangents, twists = [], [], []
+    shots, cotangents, pose_gradients = [], [], []
     names = {"image": "colour", "alpha": "alpha", "depth": "depth", "normal": "normal", "median": "median", "distortion": "distortion"}
     for v in range(views):
         xi = torch.zeros(6, dtype=torch.float64, requires_grad=True)
@@ -188,13 +188,13 @@ def case(name, shape):
             loss.backward()
         shots.append({f: x.detach() for f, x in shot.items()})
         cotangents.append(cotangent)
-        twists.append(torch.zeros(6, dtype=torch.float64) if xi.grad is None else xi.grad)
+        pose_gradients.append(torch.zeros(6, dtype=torch.float64) if xi.grad is None else xi.grad)
     for prefix, parts in (("picture", shots), ("cotangent", cotangents)):
         for f in parts[0]:
             out[f"{prefix}.{f}"] = torch.stack([part[f] for part in parts])
     for f, x in zip(splat3d.GAUSSIAN_FIELDS, g.fields()):
         out[f"grad.{f}"] = torch.zeros_like(x) if x.grad is None else x.grad
-    out["grad.pose"] = torch.stack(twists)
+    out["grad.pose"] = torch.stack(pose_gradients)
     meta = {"count": count, "degree": degree, "views": views, "width": width, "height": height, "revision": revision}
     return {k: v.float() for k, v in out.items()}, meta
 

@@ -82,40 +82,40 @@ def settle(model, volume):
             c[4].bias[k * wide + 3 + cfg.sh_dim] += shift
 
 
-def timed(what, run, told):
+def timed(what, run, result):
     begun = time.perf_counter(), time.process_time()
     with torch.no_grad():
         out = run()
-    told.append((what, time.perf_counter() - begun[0], time.process_time() - begun[1]))
+    result.append((what, time.perf_counter() - begun[0], time.process_time() - begun[1]))
     return out
 
 
-def stages(model, given, told):
+def stages(model, given, result):
     """The specification's stages on what the product took and chose."""
     images, c2w, K, kept, samples, score, orders = given
     cfg, t = model.cfg, {}
-    feats = t["features"] = timed("encoder, modulation", lambda: model.features(images, c2w, K), told)
-    lifted = timed("lifting", lambda: model.lift(feats, c2w, K), told)
-    volume = t["volume"] = timed("volume", lambda: model.vol_decoder(lifted, t), told)
-    g = timed("heads", lambda: model.coarse(volume), told)
+    feats = t["features"] = timed("encoder, modulation", lambda: model.features(images, c2w, K), result)
+    lifted = timed("lifting", lambda: model.lift(feats, c2w, K), result)
+    volume = t["volume"] = timed("volume", lambda: model.vol_decoder(lifted, t), result)
+    g = timed("heads", lambda: model.coarse(volume), result)
     t.update({f"coarse.{f}": getattr(g, f) for f in splat3d.GAUSSIAN_FIELDS})
-    fine = t["fine.output"] = timed("refinement", lambda: model.decoder.fine(volume[kept // cfg.primitives], samples), told)
+    fine = t["fine.output"] = timed("refinement", lambda: model.decoder.fine(volume[kept // cfg.primitives], samples), result)
     sh = g.sh[kept] + fine[:, cfg.fine_features:].reshape(len(kept), -1, 3)
     final = genden.pick(g, kept)
     final.sh = sh
     if score is not None:
         feature = torch.cat([fine[:, :cfg.fine_features], volume[kept // cfg.primitives]], -1)
         t.update({f"kept.{f}": getattr(final, f) for f in splat3d.GAUSSIAN_FIELDS})
-        final = timed("densifier", lambda: genden.densify(model.dec, final, score[kept], feature, None, orders, t), told)
+        final = timed("densifier", lambda: genden.densify(model.dec, final, score[kept], feature, None, orders, t), result)
     t.update({f"final.{f}": getattr(final, f) for f in splat3d.GAUSSIAN_FIELDS})
     return t
 
 
-def vsplat_stages(model, given, told):
+def vsplat_stages(model, given, result):
     """The same of VS-Splat's network with the densifier, at the voxels that were selected and by the product's scores."""
     images, c2w, K, voxels, score, orders = given
     t = {}
-    timed("network and densifier", lambda: model(images, c2w, K, voxels=voxels, score=score, orders=orders, trace=t), told)
+    timed("network and densifier", lambda: model(images, c2w, K, voxels=voxels, score=score, orders=orders, trace=t), result)
     return t
 
 
@@ -176,11 +176,11 @@ def compare_drawing(model, dump, kept, tiles):
 
 def hold(model, given, dump, stages):
     """Every stage that was dumped against the specification's in float64, which is returned, and beside its own in float32."""
-    told = []
+    result = []
     with torch.no_grad():
-        single = stages(model.float(), given, told)
-        print("PyTorch in float32: " + ", ".join(f"{what} {s:.1f} s" for what, s, _ in told)
-              + f"; {sum(s for _, s, _ in told):.1f} s ({sum(p for _, _, p in told):.1f} of processor), drawings aside", flush=True)
+        single = stages(model.float(), given, result)
+        print("PyTorch in float32: " + ", ".join(f"{what} {s:.1f} s" for what, s, _ in result)
+              + f"; {sum(s for _, s, _ in result):.1f} s ({sum(p for _, _, p in result):.1f} of processor), drawings aside", flush=True)
         to_double = lambda x: x.double() if torch.is_tensor(x) and x.is_floating_point() else x
         exact = stages(model.double(), tuple(map(to_double, given)), [])
     compare(dump, exact, single)
@@ -242,10 +242,10 @@ def main():
     print(f"{len(kept)} of {len(dump['stage.coarse.opacities'])} primitives kept, {len(dump['stage.final.means'])} in the end", flush=True)
     given = (dump["input.images"], dump["input.c2w"], dump["input.K"], kept, dump["stage.fine.samples"], dump.get("stage.score"),
              serialisation.random_perms(a.seed) if a.system == "genden" else None)
-    told = []
-    single = stages(model.float(), given, told)
-    print("PyTorch in float32: " + ", ".join(f"{what} {s:.1f} s" for what, s, _ in told)
-          + f"; {sum(s for _, s, _ in told):.1f} s ({sum(s for _, _, s in told):.1f} of processor), drawings aside", flush=True)
+    result = []
+    single = stages(model.float(), given, result)
+    print("PyTorch in float32: " + ", ".join(f"{what} {s:.1f} s" for what, s, _ in result)
+          + f"; {sum(s for _, s, _ in result):.1f} s ({sum(s for _, _, s in result):.1f} of processor), drawings aside", flush=True)
     to_double = lambda x: x.double() if torch.is_tensor(x) and x.is_floating_point() else x
     exact = stages(model.double(), tuple(map(to_double, given)), [])
     compare(dump, exact, single)

@@ -357,7 +357,7 @@ def noisy_cameras(c2w, xi, frame="world"):
 
 def draw_pose_noise(count, sigma, generator, keep_first=True):
     """(count,6) float64, normal with deviation sigma in radians and in edges of the cube. View 0 defines the frame that the
-    result is judged in, so it stays exact unless asked."""
+    result is compared in, so it stays exact unless asked."""
     xi = torch.randn(count, 6, dtype=torch.float64, generator=generator) * sigma
     if keep_first:
         xi[0] = 0
@@ -414,13 +414,13 @@ def self_check():
         report(f"window attention, {'tiled' if tiled else 'aligned'}: against loops", (window_attention(q, k, v, token, region, tiled) - want).abs().max(), 1e-12)
     # pose noise against the matrix exponential, by its series for a 1024th of the step, ten times squared
     xi = torch.cat([torch.randn(20, 6, dtype=torch.float64) * s for s in (1.0, 0.15, 0.03, 0.0)])
-    twist = torch.zeros(len(xi), 4, 4, dtype=torch.float64)
+    pose_gradient = torch.zeros(len(xi), 4, 4, dtype=torch.float64)
     for i, (a, b) in enumerate(((2, 1), (0, 2), (1, 0))):
-        twist[:, a, b], twist[:, b, a] = xi[:, i], -xi[:, i]
-    twist[:, :3, 3] = xi[:, 3:]
-    term = power = torch.eye(4, dtype=torch.float64).expand_as(twist)
+        pose_gradient[:, a, b], pose_gradient[:, b, a] = xi[:, i], -xi[:, i]
+    pose_gradient[:, :3, 3] = xi[:, 3:]
+    term = power = torch.eye(4, dtype=torch.float64).expand_as(pose_gradient)
     for i in range(1, 8):
-        term = term @ twist / 1024 / i
+        term = term @ pose_gradient / 1024 / i
         power = power + term
     for _ in range(10):
         power = power @ power

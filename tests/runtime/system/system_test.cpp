@@ -78,7 +78,7 @@ TEST(SystemFiles, FactsTellWhoMayWrite) {
   EXPECT_FALSE(ours(0644));
 }
 
-TEST(SystemFiles, ReadsWhereItIsTold) {
+TEST(SystemFiles, ReadsFromTheGivenPlace) {
   const TemporaryFolder folder;
   put_file(folder / "empty", "");
   put_file(folder / "six", "abcdef");
@@ -396,7 +396,7 @@ TEST(SystemProgram, TellsWhileItIsWatched) {
   };
   sys::WatchedEnd end = watched("printf abcdef >&3; printf 12345; exit 9", 60);
   EXPECT_FALSE(no_pipe || error);
-  EXPECT_EQ(end.told, "abcd");
+  EXPECT_EQ(end.report, "abcd");
   EXPECT_EQ(end.said, "345");
   EXPECT_EQ(end.exit_code, 9);
   EXPECT_FALSE(end.too_late || end.unknown);

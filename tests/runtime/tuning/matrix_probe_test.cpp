@@ -93,7 +93,7 @@ TEST(MatrixProbe, LeavesOutAWrongInstruction) {
   if (!has(MatrixUnit::avx512bf16)) GTEST_SKIP() << "no such instructions";
   const DeviceInfo device = test::context(Flavour::cpu).device();
   const test::TemporaryFolder cache, folder;
-  const test::Variable kept("VSPLAT_CACHE_DIR", cache.string().c_str()), judged("VSPLAT_SELFTEST", "");
+  const test::Variable kept("VSPLAT_CACHE_DIR", cache.string().c_str()), selftest("VSPLAT_SELFTEST", "");
   EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::avx512bf16);
   EXPECT_EQ(choose_matrix_unit(device, "cpu", {}), MatrixUnit::avx512bf16);
   EXPECT_EQ(choose_matrix_unit(device, "gpu", {}), MatrixUnit::emulated);
@@ -126,7 +126,7 @@ TEST(MatrixProbe, LeavesOutWhatDoesNotCompileAndRemembersIt) {
   if (device.type != DeviceType::cpu) GTEST_SKIP() << "a device that may have them";
   const test::TemporaryFolder cache;
   const test::Variable folder("VSPLAT_CACHE_DIR", cache.string().c_str()), units("VSPLAT_MATRIX", "wmma,emulated"),
-      judged("VSPLAT_SELFTEST", "");
+      selftest("VSPLAT_SELFTEST", "");
   const auto kept = [&] {
     std::size_t files = 0;
     for (const auto& entry : fs::recursive_directory_iterator(cache.path()))

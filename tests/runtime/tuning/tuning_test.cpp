@@ -225,7 +225,7 @@ TEST(HeldTuning, SaysWhatWasSwitchedOff) {
 // is used.
 TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
   const TemporaryFolder folder;
-  const test::Variable cache("VSPLAT_CACHE_DIR", folder / "cache"), judged("VSPLAT_SELFTEST", "");
+  const test::Variable cache("VSPLAT_CACHE_DIR", folder / "cache"), selftest("VSPLAT_SELFTEST", "");
   const DeviceInfo device = test::context(Flavour::gpu).device();
   const TunedDeclaration& of = gemm_of(Flavour::gpu);
   const TunedShape wrong{TunedOp::gemm, {1024, 768, 768, 1}}, right{TunedOp::gemm, {1024, 96, 96, 1}};
@@ -247,10 +247,10 @@ TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
     EXPECT_EQ(ctx->tuned(right), all_values(of).back());
     EXPECT_TRUE(ctx->switched_off().tuned);
     // A training that began with that table fails with an error that says so, and that the table must not be used.
-    write_tuning(kept_tuning_path(hash), table);
-    const std::string told = message_of([&] { refuse_other_tuning(*ctx, {{"tuning", hash}}, "run"); });
+    write_tuning(stored_tuning_path(hash), table);
+    const std::string message = message_of([&] { refuse_other_tuning(*ctx, {{"tuning", hash}}, "run"); });
     for (const std::string& words : {hash.substr(0, 12), std::string("refused"), name})
-      EXPECT_NE(told.find(words), std::string::npos) << told;
+      EXPECT_NE(message.find(words), std::string::npos) << message;
     const test::Variable ignored("VSPLAT_SELFTEST", "ignore");
     EXPECT_EQ(test::open_context(Flavour::gpu)->tuning().hash(), hash);
   }

@@ -12,7 +12,7 @@
 #include "runtime/error.h"
 #include "runtime/files/disk_cache.h"
 #include "runtime/log.h"
-#include "runtime/tuning/kept_verdicts.h"
+#include "runtime/tuning/stored_verdicts.h"
 #include "runtime/tuning/tuning.h"
 #include "tests/support/device.h"
 #include "tests/support/refusal.h"
@@ -59,12 +59,12 @@ TEST_F(VerdictTest, IsRememberedForTheDeviceAndItsDriver) {
   EXPECT_TRUE(fit_for_use(device_) == verdict.off);
   EXPECT_EQ(in_words(verdict.off), "Winograd's convolutions, CLBlast");
   DeviceInfo other = device_;
-  ASSERT_EQ(kept_verdicts().size(), 1u);
-  EXPECT_EQ(kept_verdicts()[0].device, "a device");
-  EXPECT_EQ(kept_verdicts()[0].driver, "1.0");
-  EXPECT_TRUE(kept_verdicts()[0].verdict.off == verdict.off);
+  ASSERT_EQ(stored_verdicts().size(), 1u);
+  EXPECT_EQ(stored_verdicts()[0].device, "a device");
+  EXPECT_EQ(stored_verdicts()[0].driver, "1.0");
+  EXPECT_TRUE(stored_verdicts()[0].verdict.off == verdict.off);
   ::setenv("VSPLAT_LIMITS", "memory=1G", 1);
-  EXPECT_TRUE(kept_verdicts().empty()) << "of the device as it is";
+  EXPECT_TRUE(stored_verdicts().empty()) << "of the device as it is";
   ::unsetenv("VSPLAT_LIMITS");
   other.driver = "1.1";
   EXPECT_FALSE(remembered_verdict(other)) << "of another driver nothing is known";

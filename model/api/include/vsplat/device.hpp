@@ -116,12 +116,12 @@ class Model : public ModelHandle {
     check(vsplat_model_load(nullptr, &out));
     return Model(out);
   }
-  // Imports a PyTorch checkpoint. `told`, unless it is null, receives the JSON report of vsplat_model_import.
-  static Model imported(const std::string& path, const vsplat_import_options& options, std::string* told = nullptr) {
+  // Imports a PyTorch checkpoint. `report`, unless it is null, receives the JSON report of vsplat_model_import.
+  static Model imported(const std::string& path, const vsplat_import_options& options, std::string* report = nullptr) {
     vsplat_model out = nullptr;
     char* out_text = nullptr;
-    check(vsplat_model_import(path.c_str(), &options, &out, told ? &out_text : nullptr));
-    if (told) *told = text(out_text);
+    check(vsplat_model_import(path.c_str(), &options, &out, report ? &out_text : nullptr));
+    if (report) *report = text(out_text);
     return Model(out);
   }
   void save(const std::string& path, vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {

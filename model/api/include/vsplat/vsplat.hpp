@@ -321,9 +321,9 @@ inline Scene reconstruct(const Device& device, const Model& model, const Input& 
 inline Scene reconstruct(const Device& device, const Model& model, const Input& input,
                          const vsplat_reconstruct_options& options, const Progress& progress) {
   detail::ProgressCall call(progress);
-  const vsplat_reconstruct_options told = call.of(options);
+  const vsplat_reconstruct_options complete = call.of(options);
   vsplat_scene out = nullptr;
-  call.check(vsplat_reconstruct(device.get(), model.get(), input.get(), &told, &out));
+  call.check(vsplat_reconstruct(device.get(), model.get(), input.get(), &complete, &out));
   return Scene(out);
 }
 
@@ -336,8 +336,8 @@ inline void prepare(const Device& device, const Model& model,
                     const vsplat_prepare_options& options = VSPLAT_PREPARE_OPTIONS_INIT,
                     const Progress& progress = {}) {
   detail::ProgressCall call(progress);
-  const vsplat_prepare_options told = call.of(options);
-  call.check(vsplat_device_prepare(device.get(), model.get(), &told));
+  const vsplat_prepare_options complete = call.of(options);
+  call.check(vsplat_device_prepare(device.get(), model.get(), &complete));
 }
 
 // A drawn picture, with its own memory.
@@ -436,8 +436,8 @@ inline void render(const Device& device, const Scene& scene, Span<const vsplat_c
                    const Progress& progress = {}) {
   const std::vector<vsplat_picture> arrays = detail::arrays_of(cameras, into);
   detail::ProgressCall call(progress);
-  const vsplat_render_options told = call.of(options);
-  call.check(vsplat_render_views(device.get(), scene.get(), cameras.data(), cameras.size(), &told, arrays.data()));
+  const vsplat_render_options complete = call.of(options);
+  call.check(vsplat_render_views(device.get(), scene.get(), cameras.data(), cameras.size(), &complete, arrays.data()));
 }
 
 // Derivatives of a loss on a picture.

@@ -28,7 +28,7 @@ inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
   const long n = static_cast<long>(p.ids.size()), m = static_cast<long>(p.touched.size()), record = surfels ? 20 : 12,
              columns = surfels ? 20 : 10;
   const Tensor views = upload_views(c.ctx, {look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5), cam}, 0.2f, mirror),
-               twists = c.gap({n, 6});
+               pose_gradients = c.gap({n, 6});
   const DeviceGaussians d = upload(c.ctx, g);
   const GaussianGradients out = zero_gradients(c.ctx, d.count(), g.sh_degree, g.kind);
   Projected visible;
@@ -37,11 +37,11 @@ inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
   const IntersectionGradients rows{c.up({m, columns}, p.rows), c.ctx.upload({m}, p.touched, Type::u8)};
   const auto run = [&] {
     if (surfels)
-      project_surfels_backward(c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, twists,
+      project_surfels_backward(c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, pose_gradients,
                                        surfels->current ? SurfelRevision::current : SurfelRevision::lara});
     else
-      project_backward(c.ctx,
-                       {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, twists, volumes.antialias});
+      project_backward(
+          c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, pose_gradients, volumes.antialias});
   };
   run();
   const std::size_t scales = surfels ? 2 : 3;
@@ -81,7 +81,8 @@ inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
       "harmonics", out.sh, [&] { return by_field(p, g, cam, &Gaussians::sh, 3 * g.sh_count(), step_of(0x1p-8)); },
       1e-4);
   c.close(
-      "pose", sum_twists(c.ctx, twists), [&] { return by_pose(p, g, cam, surfels ? 0x1p-12 : 1e-3); }, 1e-4);
+      "pose", sum_pose_gradients(c.ctx, pose_gradients), [&] { return by_pose(p, g, cam, surfels ? 0x1p-12 : 1e-3); },
+      1e-4);
   if (!c.all) return;
   const Tensor fields[] = {out.means, out.scales, out.quats, out.opacities, out.sh};
   std::vector<std::vector<float>> sums;

@@ -94,7 +94,7 @@ class Teller {
   const MtlMaterials& mtl_;
   Library& library_;
   MeshTeller teller_;
-  std::set<std::string> told_;  // embedded pictures already sent
+  std::set<std::string> sent_;  // embedded pictures already sent
   float colour_scale_ = 1;      // for vertex colours
 };
 
@@ -106,7 +106,7 @@ std::string name_of(const aiMaterial& material) {
 // Sends a picture embedded in the file. The enabled importers keep these in their encoded form.
 void Teller::embedded(const std::string& name) {
   const aiTexture* inside = scene_.GetEmbeddedTexture(name.c_str());
-  if (!inside || !told_.insert(name).second) return;
+  if (!inside || !sent_.insert(name).second) return;
   if (inside->mHeight != 0)
     fail_reading(Status::format, "", fmt::format("its texture {} is in a form that is not read", printable(name)));
   teller_.texture(name, {reinterpret_cast<const unsigned char*>(inside->pcData), inside->mWidth});

@@ -34,7 +34,7 @@ class Materials {
 
   GltfFile& file_;
   MeshTeller& teller_;
-  std::set<std::string> told_;
+  std::set<std::string> sent_;
 };
 
 // The picture of a texture: WebP if there is one, otherwise the plain one. Other pictures belong to unsupported
@@ -61,7 +61,7 @@ std::string Materials::picture(const Field& image) {
   std::optional<std::vector<unsigned char>> data;
   if (!view.there()) data = file_.inside(uri);
   if (!view.there() && !data) return file_.file_of(uri);
-  if (!told_.insert(name).second) return name;
+  if (!sent_.insert(name).second) return name;
   if (data)
     teller_.texture(name, *data);
   else

@@ -65,7 +65,7 @@ TEST_F(SelftestJournal, BlamesTheSecondTimeWhereNobodySaw) {
   end_in("gemm", "");
   EXPECT_EQ(Journal(own(), "").ended_by("gemm"), "it ended the self-test's process");
   Journal(own(), "").done();
-  EXPECT_EQ(Journal(own(), "").ended_by("gemm"), "") << "what was told is tried again";
+  EXPECT_EQ(Journal(own(), "").ended_by("gemm"), "") << "what was reported is tried again";
 }
 
 TEST_F(SelftestJournal, KeepsNothingWithoutAFolderOrBesideAnother) {

@@ -158,7 +158,7 @@ TEST(CheckChosen, TellsAndRefuses) {
 }
 
 // A lack of memory says nothing about a table's choices.
-TEST(CheckChosen, NeedsRoom) {
+TEST(CheckChosen, NeedsMemory) {
   ContextOptions little;
   little.max_memory_gib = 1e-5;
   const auto ctx = test::open_context(Flavour::gpu, little);

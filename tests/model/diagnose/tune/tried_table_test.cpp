@@ -74,7 +74,7 @@ TEST_F(SearchTable, EachChoiceIsKeptByItsHash) {
     EXPECT_EQ(table.before(), batch == 32 ? "" : table.table().choice.hash());
     table.choose(shape(), set(batch));
     EXPECT_EQ(read().choice.chosen().at(shape()), set(batch));
-    EXPECT_EQ(read_tuning(kept_tuning_path(read().choice.hash())).choice.chosen(), read().choice.chosen());
+    EXPECT_EQ(read_tuning(stored_tuning_path(read().choice.hash())).choice.chosen(), read().choice.chosen());
   }
 }
 
@@ -88,7 +88,7 @@ TEST_F(SearchTable, WhatHasWonIsChosenWhenItHasBeatenTheDefault) {
   EXPECT_EQ(tune(ctx(), asked).tried, 0);
   const std::string hash = read().choice.hash();
   EXPECT_EQ(verdict(set(32)), hash.empty() ? "slower" : "best");
-  EXPECT_TRUE(hash.empty() || std::filesystem::exists(kept_tuning_path(hash)));
+  EXPECT_TRUE(hash.empty() || std::filesystem::exists(stored_tuning_path(hash)));
 }
 
 TEST_F(SearchTable, WhatIsTriedAgainIsNotLostBeforeAnotherHasWon) {
@@ -110,9 +110,9 @@ TEST_F(SearchTable, WhatIsTriedAgainIsNotLostBeforeAnotherHasWon) {
   const TuneResult result = tune(ctx(), asked);
   EXPECT_EQ(result.left, 3);
   EXPECT_EQ(result.table.choice.chosen(), choice.chosen());
-  const auto told = nlohmann::json::parse(tune_json(ctx(), result));
-  ASSERT_EQ(told["chosen"].size(), 2u);
-  EXPECT_TRUE(told["chosen"][1]["times_as_fast"].is_null());
+  const auto written = nlohmann::json::parse(tune_json(ctx(), result));
+  ASSERT_EQ(written["chosen"].size(), 2u);
+  EXPECT_TRUE(written["chosen"][1]["times_as_fast"].is_null());
 }
 
 TEST_F(SearchTable, IsThereThoughTheTimeWasTooShortToTryAnything) {
@@ -172,14 +172,14 @@ TEST_F(SearchTable, WantOfMemoryIsNoVerdict) {
 
 TEST_F(SearchTable, WhatStopsTheDeviceStopsASearch) {
   TuneRequest asked = request();
-  int told = 0;
+  int calls = 0;
   asked.progress = [&](const std::string&, double) {
     ctx().cancel();
-    return ++told > 0;
+    return ++calls > 0;
   };
   EXPECT_EQ(status_of(ctx(), asked), Status::cancelled);
   ctx().go_on();
-  EXPECT_EQ(told, 1);
+  EXPECT_EQ(calls, 1);
   EXPECT_TRUE(read().trials.empty()) << read().trials.front().verdict;
 }
 
@@ -205,11 +205,11 @@ TEST_F(SearchTable, WhatIsNoNumberHasWords) {
   TuneResult result;
   result.table = read();
   EXPECT_TRUE(std::isinf(result.table.trials[0].error));
-  const auto told = nlohmann::json::parse(tune_json(ctx(), result));
-  ASSERT_EQ(told["refused"].size(), 2u);
-  EXPECT_TRUE(told["refused"][0]["error"].is_null());
-  EXPECT_EQ(told["refused"][0]["why"], "some values are no numbers");
-  EXPECT_TRUE(told["refused"][1]["why"].is_null());
+  const auto written = nlohmann::json::parse(tune_json(ctx(), result));
+  ASSERT_EQ(written["refused"].size(), 2u);
+  EXPECT_TRUE(written["refused"][0]["error"].is_null());
+  EXPECT_EQ(written["refused"][0]["why"], "some values are no numbers");
+  EXPECT_TRUE(written["refused"][1]["why"].is_null());
 }
 
 }  // namespace

@@ -77,19 +77,19 @@ TEST(ContactSheet, LabelsStandBelowThePictures) {
   sheet.add(Image(40, 20, 3, 1.0f), "far too long for it");
   const Image out = sheet.sheet();
   ASSERT_EQ(out.width, 2 * 40 + 3 * margin);
-  ASSERT_EQ(out.height, 2 * (20 + ContactSheet::label_room) + 3 * margin);
+  ASSERT_EQ(out.height, 2 * (20 + ContactSheet::label_height) + 3 * margin);
   const auto dark = [&](int x0, int y0, int w, int h) {
     int count = 0;
     for (int y = y0; y < y0 + h; ++y)
       for (int x = x0; x < x0 + w; ++x) count += out.at(x, y)[0] < 0.5f;
     return count;
   };
-  EXPECT_GT(dark(margin, margin + 20, 40, ContactSheet::label_room), 30);
-  EXPECT_EQ(dark(2 * margin + 40, margin + 20, 40, ContactSheet::label_room), 0);
-  const int below = 2 * margin + 40 + ContactSheet::label_room;
-  EXPECT_GT(dark(margin, below, 40, ContactSheet::label_room), 30);
-  EXPECT_EQ(dark(0, 0, out.width, out.height), dark(margin, margin + 20, 40, ContactSheet::label_room) +
-                                                   dark(margin, below, 40, ContactSheet::label_room));
+  EXPECT_GT(dark(margin, margin + 20, 40, ContactSheet::label_height), 30);
+  EXPECT_EQ(dark(2 * margin + 40, margin + 20, 40, ContactSheet::label_height), 0);
+  const int below = 2 * margin + 40 + ContactSheet::label_height;
+  EXPECT_GT(dark(margin, below, 40, ContactSheet::label_height), 30);
+  EXPECT_EQ(dark(0, 0, out.width, out.height), dark(margin, margin + 20, 40, ContactSheet::label_height) +
+                                                   dark(margin, below, 40, ContactSheet::label_height));
 }
 
 TEST(Text, IsCutAndStaysInThePicture) {

@@ -321,7 +321,7 @@ TEST_F(Gltf, NamesOfFiles) {
   expect_error(Status::input, {path("a.gltf"), "buffers[0].uri", "gone.bin"}, [&] { load_mesh(path("a.gltf")); });
 }
 
-TEST_F(Gltf, ExtensionsThatAreUsedAndNotReadAreTold) {
+TEST_F(Gltf, ExtensionsThatAreUsedAndNotReadAreReported) {
   GltfWriter writer = box();
   writer.json["extensionsUsed"] = {"KHR_texture_transform", "KHR_materials_unlit", "KHR_texture_basisu"};
   expect_plain(writer, "known, or with a picture that stands in");

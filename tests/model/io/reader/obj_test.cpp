@@ -149,7 +149,7 @@ TEST_F(Obj, ColoursOfMaterials) {
   EXPECT_NE(warnings_.text().find("map_Ka"), std::string::npos) << warnings_.text();
 }
 
-TEST_F(Obj, MaterialsThatAreNowhereAreTold) {
+TEST_F(Obj, MaterialsThatAreNowhereAreReported) {
   const std::string mtl = "newmtl other\nKd 1 0 0\nnewmtl my m\nmap_Kd tex.png\n";
   std::string obj = box("mtllib a.mtl\n");
   const auto used = [&](const std::string& name) {
@@ -163,7 +163,7 @@ TEST_F(Obj, MaterialsThatAreNowhereAreTold) {
   EXPECT_NE(warnings_.text().find("\"My M\""), std::string::npos) << warnings_.text();
 }
 
-TEST_F(Obj, WhatIsPassedOverInPlyIsTold) {
+TEST_F(Obj, WhatIsPassedOverInPlyIsReported) {
   const auto head = [](const std::string& comments, const std::string& vertex, const std::string& face) {
     return "ply\r\nformat ascii 1.0\r\n" + comments +
            "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n" + vertex +

@@ -185,7 +185,7 @@ TEST_F(PlyKinds, ActivatedValuesAreToldOf) {
   EXPECT_EQ(warnings_.text(), "");
 }
 
-TEST_F(PlyKinds, PropertiesOfOtherNamesAreToldOf) {
+TEST_F(PlyKinds, PropertiesOfOtherNamesAreReported) {
   const auto warning = [&](std::vector<std::string> names) {
     warnings_.all.clear();
     Rows rows = gaussians(3);

@@ -41,12 +41,13 @@ class ProjectBackward : public test::FlavourTest {
   }
 
   void run(GaussianKind kind, const DeviceGaussians& g, long base, const Tensor& views, long view, const Device& d,
-           const GaussianGradients& out, const Tensor& twists) {
+           const GaussianGradients& out, const Tensor& pose_gradients) {
     if (kind == GaussianKind::surfel)
-      project_surfels_backward(ctx(),
-                               {g, base, views, view, false, d.visible, d.offsets, d.intersections, out, twists});
+      project_surfels_backward(
+          ctx(), {g, base, views, view, false, d.visible, d.offsets, d.intersections, out, pose_gradients});
     else
-      project_backward(ctx(), {g, base, views, view, false, d.visible, d.offsets, d.intersections, out, twists});
+      project_backward(ctx(),
+                       {g, base, views, view, false, d.visible, d.offsets, d.intersections, out, pose_gradients});
   }
 
   struct Result {
@@ -59,20 +60,20 @@ class ProjectBackward : public test::FlavourTest {
     const Camera other = selftest::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
     const Tensor views = upload_views(ctx(), {other, cam}, 0.2f, {});
     const Device d = to_device(g.kind, rows);
-    const Tensor twists = ctx().tensor({d.visible.ids.dim(0), 6});
+    const Tensor pose_gradients = ctx().tensor({d.visible.ids.dim(0), 6});
     Result result;
     const auto count = static_cast<long>(g.count);
     for (long base = 0; base < count; base += chunk) {
       const long n = std::min(chunk, count - base);
       const GaussianGradients out = zero_gradients(ctx(), n, g.sh_degree, g.kind);
-      run(g.kind, upload(ctx(), g, base, n), base, views, 1, d, out, twists);
+      run(g.kind, upload(ctx(), g, base, n), base, views, 1, d, out, pose_gradients);
       const Gaussians part = download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh});
       for (const auto& [name, values] : test::kGaussianFields) {
         std::vector<float>& to = result.gradient.*values;
         to.insert(to.end(), (part.*values).begin(), (part.*values).end());
       }
     }
-    result.pose = ctx().read<float>(sum_twists(ctx(), twists));
+    result.pose = ctx().read<float>(sum_pose_gradients(ctx(), pose_gradients));
     return result;
   }
 };
@@ -101,7 +102,9 @@ TEST_P(ProjectBackward, RejectsBadShape) {
     d.visible.records = ctx().tensor({2, record_of(kind)});
     d.offsets = ctx().tensor({3}, Type::u32);
     d.intersections = {ctx().tensor({7, row_of(kind)}), ctx().tensor({7}, Type::u8)};
-    const auto run_with = [&](long view, const Tensor& twists) { run(kind, g, 0, views, view, d, out, twists); };
+    const auto run_with = [&](long view, const Tensor& pose_gradients) {
+      run(kind, g, 0, views, view, d, out, pose_gradients);
+    };
     EXPECT_THROW(run_with(1, Tensor()), Error);
     EXPECT_THROW(run_with(0, ctx().tensor({3, 6})), Error);
     d.offsets = ctx().tensor({2}, Type::u32);

@@ -10,6 +10,6 @@ namespace vsplat {
 // Returns the outliers among pictures that a scene was fitted to, worst first: those with a PSNR more than 4 dB below
 // the median, and more than 4 robust standard deviations below it (from the median absolute deviation, scaled as for a
 // normal distribution). Returns none for fewer than five pictures.
-std::vector<std::size_t> outliers(const std::vector<FitScore>& scores);
+std::vector<std::size_t> find_outliers(const std::vector<FitScore>& scores);
 
 }  // namespace vsplat

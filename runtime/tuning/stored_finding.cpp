@@ -1,4 +1,4 @@
-#include "runtime/tuning/kept_finding.h"
+#include "runtime/tuning/stored_finding.h"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -25,7 +25,7 @@ std::string today() {
   return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
 }
 
-std::string kept_finding_path(const DeviceInfo& d, const std::string& subject, const std::string& folder) {
+std::string stored_finding_path(const DeviceInfo& d, const std::string& subject, const std::string& folder) {
   const DiskCache cache;
   if (!cache.enabled() || !keeps_findings()) return "";
   const std::string key =
@@ -34,7 +34,7 @@ std::string kept_finding_path(const DeviceInfo& d, const std::string& subject, c
   return cache.folder() + "/" + folder + "/" + key.substr(0, 32) + ".json";
 }
 
-std::optional<std::string> kept_finding(const std::string& path) {
+std::optional<std::string> stored_finding(const std::string& path) {
   const std::optional<sys::FileFacts> found = path.empty() ? std::nullopt : sys::facts_of_entry(path);
   if (!found) return std::nullopt;
   if (!found->is_file() || !found->ours_alone)

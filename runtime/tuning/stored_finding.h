@@ -12,10 +12,10 @@ namespace vsplat {
 bool keeps_findings();
 // The file of a finding, in a folder of the cache; empty if it is not stored. `subject` names the kind of finding and
 // its format.
-std::string kept_finding_path(const DeviceInfo& device, const std::string& subject,
-                              const std::string& folder = "findings");
+std::string stored_finding_path(const DeviceInfo& device, const std::string& subject,
+                                const std::string& folder = "findings");
 // Unset if there is no such file; empty text if it is too large. Error(file) if others may write to it.
-std::optional<std::string> kept_finding(const std::string& path);
+std::optional<std::string> stored_finding(const std::string& path);
 // Writes the whole file, or throws Error(file).
 void keep_finding(const std::string& path, const std::string& text);
 

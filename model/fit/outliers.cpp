@@ -1,4 +1,4 @@
-#include "model/fit/suspects.h"
+#include "model/fit/outliers.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@ constexpr std::size_t kLeastCount = 5;
 
 }  // namespace
 
-std::vector<std::size_t> outliers(const std::vector<FitScore>& scores) {
+std::vector<std::size_t> find_outliers(const std::vector<FitScore>& scores) {
   std::vector<std::size_t> out;
   if (scores.size() < kLeastCount) return out;
   std::vector<double> values, distances;

@@ -9,11 +9,11 @@
 namespace vsplat {
 
 template <class State>
-class Kept {
+class Checkpointed {
  public:
   using Forward = std::function<void(Context&, State&)>;
 
-  explicit Kept(bool recompute) : recompute_(recompute) {}
+  explicit Checkpointed(bool recompute) : recompute_(recompute) {}
 
   // Where the forward stores it; null if the forward will run again.
   State* place() { return recompute_ ? nullptr : &state_; }

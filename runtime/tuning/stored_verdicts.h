@@ -7,12 +7,12 @@
 
 namespace vsplat {
 
-struct KeptVerdict {
+struct StoredVerdict {
   std::string device, driver;  // as the driver reports them
   Verdict verdict;
 };
 
 // The verdicts on the current kernels and the current value of VSPLAT_LIMITS.
-std::vector<KeptVerdict> kept_verdicts();
+std::vector<StoredVerdict> stored_verdicts();
 
 }  // namespace vsplat
