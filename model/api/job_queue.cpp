@@ -166,7 +166,9 @@ void JobQueue::give_back(vsplat_device device) { lent = device; }
 bool JobQueue::is_on_thread_of(vsplat_device device) { return served == device; }
 
 void JobQueue::serve(const std::shared_ptr<State>& given, vsplat_device device) {
-  const std::shared_ptr<State> state = given;  // may outlive the queue, see ~JobQueue
+  // A copy, since the job may outlive the queue: see ~JobQueue.
+  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
+  const std::shared_ptr<State> state = given;
   served = device;
   run_jobs(*state, device);
   {

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "model/api/device.h"
+#include "model/api/input.h"
 #include "model/api/job_queue.h"
+#include "model/api/scene.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
