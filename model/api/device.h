@@ -59,7 +59,7 @@ ContextOptions context_options(const vsplat_device_options* options);
 // the scene drawn last, and runs it once more if that freed anything. `run` must have no visible effects before it
 // throws.
 template <class F>
-auto with_memory_freed(vsplat_device device, vsplat_model but, const F& run) {
+auto retry_with_memory_freed(vsplat_device device, vsplat_model but, const F& run) {
   try {
     return run();
   } catch (const Error& e) {

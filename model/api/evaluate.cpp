@@ -283,7 +283,7 @@ vsplat_status vsplat_model_check(vsplat_device device, vsplat_model model, const
       forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    const ModelCheck found = with_memory_freed(device, model, [&] {
+    const ModelCheck found = retry_with_memory_freed(device, model, [&] {
       const auto network = device->residents->network(device->context, model);
       return check_model(device->context, *network, forward);
     });

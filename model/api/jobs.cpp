@@ -88,16 +88,16 @@ vsplat_status vsplat_render_async(vsplat_device device, vsplat_scene scene, cons
     need_structs(pictures, count, "pictures");
     need(out_job, "out_job");
     std::vector<vsplat_camera> shots;
-    std::vector<vsplat_picture> rooms;
+    std::vector<vsplat_picture> outputs;
     for (size_t i = 0; i < count; ++i) {
       shots.push_back(taken(&element(cameras, i, "cameras"), VSPLAT_CAMERA_INIT, "cameras"));
-      rooms.push_back(taken(&element(pictures, i, "pictures"), VSPLAT_PICTURE_INIT, "pictures"));
+      outputs.push_back(taken(&element(pictures, i, "pictures"), VSPLAT_PICTURE_INIT, "pictures"));
     }
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     *out_job = begun(
         device, job_options,
-        [device, o, scene = SceneRef(scene), shots = std::move(shots), rooms = std::move(rooms)](vsplat_job_impl&) {
-          return vsplat_render_views(device, scene.get(), shots.data(), shots.size(), &o, rooms.data());
+        [device, o, scene = SceneRef(scene), shots = std::move(shots), outputs = std::move(outputs)](vsplat_job_impl&) {
+          return vsplat_render_views(device, scene.get(), shots.data(), shots.size(), &o, outputs.data());
         });
   });
 }

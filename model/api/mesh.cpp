@@ -80,7 +80,7 @@ vsplat_status vsplat_mesh_from_scene(vsplat_device device, vsplat_scene scene, c
     how.begin = [&o](const char* stage, double done) {
       if (o.progress && !o.progress(o.user, stage, done)) fail(Status::cancelled, "the mesh was stopped");
     };
-    SurfaceMesh made = with_memory_freed(device, nullptr, [&] { return mesh_of(device->context, *now, how); });
+    SurfaceMesh made = retry_with_memory_freed(device, nullptr, [&] { return mesh_of(device->context, *now, how); });
     *out_mesh = std::make_unique<vsplat_mesh_impl>(std::move(made)).release();
   });
 }

@@ -65,6 +65,6 @@ vsplat_status vsplat_device_prepare(vsplat_device device, vsplat_model model, co
     }
     if (!o.launch) return;
     tell("launch", done / parts);
-    with_memory_freed(device, model, [&] { launch_once(ctx, *network, views, selected); });
+    retry_with_memory_freed(device, model, [&] { launch_once(ctx, *network, views, selected); });
   });
 }

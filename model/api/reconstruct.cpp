@@ -89,7 +89,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    Reconstruction made = with_memory_freed(device, model, [&] {
+    Reconstruction made = retry_with_memory_freed(device, model, [&] {
       const auto network = device->residents->network(device->context, model);
       return reconstruct(device->context, *network, input->input.views, input->input.placement, how);
     });

@@ -45,8 +45,8 @@ vsplat_status vsplat_scene_keep_visible(vsplat_device device, vsplat_scene scene
       if (o.progress && !o.progress(o.user, "visibility", share))
         fail(Status::cancelled, "stopped before picture {} of {}", i + 1, cameras.size());
     };
-    const std::vector<float> weights =
-        with_memory_freed(device, nullptr, [&] { return blending_weights(device->context, *now, cameras, begin); });
+    const std::vector<float> weights = retry_with_memory_freed(
+        device, nullptr, [&] { return blending_weights(device->context, *now, cameras, begin); });
     const std::vector<bool> stays = heaviest(weights, static_cast<std::size_t>(o.max_gaussians));
     auto made = std::make_shared<Scene>(*now);
     keep(made->gaussians, [&](std::size_t k) { return stays[k]; });

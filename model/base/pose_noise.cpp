@@ -17,9 +17,8 @@ double angle_of(double sine, double cosine) { return kDegrees * std::atan2(sine,
 
 }  // namespace
 
-Eigen::Matrix4d motion_of(const PoseTwist& pose_gradient) {
-  const Eigen::Vector3d w(pose_gradient[0], pose_gradient[1], pose_gradient[2]),
-      u(pose_gradient[3], pose_gradient[4], pose_gradient[5]);
+Eigen::Matrix4d motion_of(const PoseMotion& motion) {
+  const Eigen::Vector3d w(motion[0], motion[1], motion[2]), u(motion[3], motion[4], motion[5]);
   Eigen::Matrix3d k;
   k << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
   const double a = w.norm(), a2 = a * a;
@@ -36,9 +35,9 @@ Eigen::Matrix4d motion_of(const PoseTwist& pose_gradient) {
   return out;
 }
 
-std::vector<PoseTwist> draw_pose_noise(std::size_t count, double sigma, std::uint64_t seed, std::uint32_t draw,
-                                       std::string_view object) {
-  std::vector<PoseTwist> out(count, PoseTwist{});
+std::vector<PoseMotion> draw_pose_noise(std::size_t count, double sigma, std::uint64_t seed, std::uint32_t draw,
+                                        std::string_view object) {
+  std::vector<PoseMotion> out(count, PoseMotion{});
   const std::uint32_t stream = stream_of("pose noise " + std::string(object));
   for (std::size_t view = 1; view < count; ++view)
     for (std::size_t i = 0; i < 6; ++i) {
@@ -49,7 +48,7 @@ std::vector<PoseTwist> draw_pose_noise(std::size_t count, double sigma, std::uin
   return out;
 }
 
-std::vector<Camera> moved_cameras(std::vector<Camera> cameras, const std::vector<PoseTwist>& noise) {
+std::vector<Camera> moved_cameras(std::vector<Camera> cameras, const std::vector<PoseMotion>& noise) {
   for (std::size_t i = 0; i < std::min(cameras.size(), noise.size()); ++i)
     cameras[i].w2c = cameras[i].w2c * motion_of(noise[i]);
   return cameras;
@@ -57,7 +56,7 @@ std::vector<Camera> moved_cameras(std::vector<Camera> cameras, const std::vector
 
 std::vector<Camera> noisy_cameras(std::vector<Camera> cameras, double sigma, std::uint64_t seed, std::uint32_t draw,
                                   std::string_view object) {
-  const std::vector<PoseTwist> noise = draw_pose_noise(cameras.size(), sigma, seed, draw, object);
+  const std::vector<PoseMotion> noise = draw_pose_noise(cameras.size(), sigma, seed, draw, object);
   return moved_cameras(std::move(cameras), noise);
 }
 

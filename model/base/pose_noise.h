@@ -11,18 +11,18 @@
 namespace vsplat {
 
 // A small motion: rotation in radians about x, y and z, then translation.
-using PoseTwist = std::array<double, 6>;
+using PoseMotion = std::array<double, 6>;
 
 // The matrix exponential of [[w] u; 0 0], a rigid motion.
-Eigen::Matrix4d motion_of(const PoseTwist& pose_gradient);
+Eigen::Matrix4d motion_of(const PoseMotion& motion);
 
 // Noise for `count` views: normal with deviation sigma in each component, determined by seed, draw and the object's
 // name. The first view has none, because it defines the frame in which results are evaluated.
-std::vector<PoseTwist> draw_pose_noise(std::size_t count, double sigma, std::uint64_t seed, std::uint32_t draw,
-                                       std::string_view object);
+std::vector<PoseMotion> draw_pose_noise(std::size_t count, double sigma, std::uint64_t seed, std::uint32_t draw,
+                                        std::string_view object);
 
 // Applies the motion before world-to-camera: the camera rotates about the object's centre and moves with it.
-std::vector<Camera> moved_cameras(std::vector<Camera> cameras, const std::vector<PoseTwist>& noise);
+std::vector<Camera> moved_cameras(std::vector<Camera> cameras, const std::vector<PoseMotion>& noise);
 // draw_pose_noise() and moved_cameras() combined.
 std::vector<Camera> noisy_cameras(std::vector<Camera> cameras, double sigma, std::uint64_t seed, std::uint32_t draw,
                                   std::string_view object);

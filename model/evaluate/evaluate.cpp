@@ -162,6 +162,7 @@ Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, c
 Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data, const EvaluateOptions& options,
                     const std::function<void(std::size_t worker, const Error& error)>& lost) {
   std::vector<Evaluator> evaluators;
+  evaluators.reserve(workers.size());
   for (const Evaluating& worker : workers) evaluators.emplace_back(worker, options);
   for (const Evaluator& evaluator : evaluators) evaluator.check();
   std::vector<bool> gone(workers.size());

@@ -14,8 +14,9 @@ namespace vsplat {
 
 // Scores over all novel views of an object on white, laid side by side. PSNR in dB for a peak of 1, from their common
 // mean squared error; SSIM in windows of 11 x 11. Renderings are clamped to [0,1]. Pictures have the size
-// EvaluationRequest::compared: the truth is resampled to it by area, and the result is rendered in it. Pixels outside a
-// photograph without mask or alpha are not compared: all pictures are white there, and PSNR only covers the photograph.
+// EvaluationRequest::compared_size: the truth is resampled to it by area, and the result is rendered in it. Pixels
+// outside a photograph without mask or alpha are not compared: all pictures are white there, and PSNR only covers the
+// photograph.
 struct Scores {
   double psnr = 0, psnr_coarse = 0;         // of the model's result, and of its coarse level
   double ssim = 0;                          // of the result

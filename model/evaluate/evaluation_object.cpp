@@ -68,7 +68,7 @@ Image shown(const StoredView& view) {
 std::optional<int> decode(const FramedObject& object, const Chosen& chosen, const FrameRequest& request,
                           std::vector<std::string>* skipped, EvaluationObject& out) {
   FrameRequest compared = request;
-  compared.image = out.compared;
+  compared.image = out.compared_size;
   for (const std::vector<int>* views : {&chosen.inputs, &chosen.novel})
     for (const int view : *views) try {
         const bool is_input = views == &chosen.inputs;
@@ -105,7 +105,7 @@ EvaluationObject evaluation_object(const DataObject& object, const TakenViews& t
     out = {};
     out.name = object.name;
     out.inputs = chosen.inputs.size();
-    out.compared = request.compared > 0 ? request.compared : taken.image;
+    out.compared_size = request.compared_size > 0 ? request.compared_size : taken.image;
     out.nearest = chosen.nearest;
     out.input_views = chosen.inputs;
     const std::optional<int> bad = decode(framed, chosen, frame, skipped, out);

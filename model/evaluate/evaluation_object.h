@@ -14,7 +14,7 @@ namespace vsplat {
 struct EvaluationRequest {
   Protocol protocol = Protocol::kmeans;
   std::uint64_t seed = 0;  // for random10
-  int compared = 0;        // edge of the compared pictures in pixels; 0: the configuration's, like the inputs
+  int compared_size = 0;   // edge of the compared pictures in pixels; 0: the configuration's, like the inputs
   int inputs = 0;          // number of input views; 0: TakenViews::trained
   Crop crop = Crop::automatic;
   PlacementRequest placement;
@@ -23,7 +23,7 @@ struct EvaluationRequest {
 struct EvaluationObject {
   std::string name;
   std::size_t inputs = 0;       // the first views are inputs, the others novel
-  int compared = 0;             // edge of the novel views' pictures and cameras
+  int compared_size = 0;        // edge of the novel views' pictures and cameras
   std::vector<Image> pictures;  // on white: inputs at the configuration's size, novel views at the compared one
   // For each novel view [S][S][1], the share of each pixel that its photograph shows. Empty if it shows all, or if a
   // mask or alpha channel marks the rest as background.

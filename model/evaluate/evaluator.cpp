@@ -25,8 +25,8 @@ namespace vsplat {
 namespace {
 
 constexpr std::array<float, 3> kWhite{1, 1, 1};
-constexpr int kSmallestCompared = 11;  // a window of SSIM
-constexpr int kLargestCompared = 4096;
+constexpr int kSmallestSize = 11;  // a window of SSIM
+constexpr int kLargestSize = 4096;
 constexpr double Scores::*kNumbers[] = {
     &Scores::psnr,        &Scores::psnr_coarse, &Scores::ssim,      &Scores::psnr_white,   &Scores::psnr_nearest,
     &Scores::selected,    &Scores::lpips_alex,  &Scores::lpips_vgg, &Scores::pose_degrees, &Scores::pose_distance,
@@ -36,7 +36,7 @@ constexpr double Scores::*kNumbers[] = {
 double share_shown(const EvaluationObject& object) {
   double sum = 0, all = 0;
   for (const Image& shown : object.shown) {
-    const double pixels = static_cast<double>(object.compared) * object.compared;
+    const double pixels = static_cast<double>(object.compared_size) * object.compared_size;
     all += pixels;
     sum += shown.empty() ? pixels : std::accumulate(shown.data.begin(), shown.data.end(), 0.0);
   }
@@ -64,9 +64,9 @@ Scores mean_of(const std::vector<ObjectScores>& objects) {
 }
 
 void Evaluator::check() const {
-  if (options_.request.compared > 0 && (compared() < kSmallestCompared || compared() > kLargestCompared))
+  if (options_.request.compared_size > 0 && (compared_size() < kSmallestSize || compared_size() > kLargestSize))
     fail(Status::usage, "{} is {}: pictures that are compared have {} to {} pixels an edge", Option::evaluate_size,
-         compared(), kSmallestCompared, kLargestCompared);
+         compared_size(), kSmallestSize, kLargestSize);
   if (const int most = config_.taken().most; options_.request.inputs < 0 || options_.request.inputs > most)
     fail(Status::usage, "{} is {}: {} takes 1 to {}", Option::evaluate_view_count, options_.request.inputs,
          config_.network(), most);
@@ -78,9 +78,9 @@ void Evaluator::check() const {
     fail(Status::usage, "{} is not measured under {}: the fit uses the listed poses", Option::evaluate_fit,
          Option::pose_noise);
   for (const Lpips* lpips : lpips_)
-    if (lpips->smallest() > compared())
+    if (lpips->smallest() > compared_size())
       fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",
-           name_of(lpips->net()), lpips->smallest(), compared());
+           name_of(lpips->net()), lpips->smallest(), compared_size());
 }
 
 Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
@@ -90,7 +90,7 @@ Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationOb
   options.background = kWhite;
   options.near = near;
   options.mirror = mirror;
-  Strip out(compared(), object.novel());
+  Strip out(compared_size(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) {
     const Camera& camera = object.cameras[object.inputs + i];
     options.supersample = options_.supersample > 0 ? options_.supersample : detail ? samples_for(*detail, camera) : 1;
@@ -156,7 +156,7 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
     const RayErrors off = ray_errors(ctx_.read<float>(result.rays), patch_rays(listed, config.tokens(), config.patch));
     poses.ray_degrees = off.degrees, poses.ray_moment = off.moment;
   }
-  Strip truth(compared(), object.novel());
+  Strip truth(compared_size(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   const std::optional<std::array<float, 3>> mirror = network_.drawing().mirror;
   const std::optional<Detail> detail = detail_of(listed, Eigen::Vector3d::Zero());
@@ -180,7 +180,7 @@ Scores Evaluator::score(const EvaluationObject& object) const {
 Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
   const Drawn drawn = draw(object, noise_draw);
   const Image &truth = drawn.truth.image(), &result = drawn.result.image();
-  Strip nearest(compared(), object.novel());
+  Strip nearest(compared_size(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) {
     nearest.put(i, object.input_compared(object.nearest[i]));
     nearest.leave_out(i, object.shown[i]);
@@ -200,7 +200,7 @@ Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
 
 Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
   constexpr std::size_t kViews = 4;
-  const Image blank(compared(), compared(), 3, ContactSheet::paper);
+  const Image blank(compared_size(), compared_size(), 3, ContactSheet::paper);
   // with their labels, at the first picture of each object
   std::array<std::vector<std::pair<Image, std::string>>, 4> rows;
   for (const DataObject* listed : objects) {

@@ -58,7 +58,9 @@ class Evaluator {
 
   void check() const;
   // Edge of the compared pictures, in pixels.
-  int compared() const { return options_.request.compared > 0 ? options_.request.compared : config_.image(); }
+  int compared_size() const {
+    return options_.request.compared_size > 0 ? options_.request.compared_size : config_.image();
+  }
   EvaluationObject load(const DataObject& object, std::vector<std::string>& skipped,
                         std::vector<std::string>& missing) const {
     return evaluation_object(object, config_.taken(), options_.request, options_.skip_bad ? &skipped : nullptr,

@@ -72,7 +72,7 @@ class Run(support.Case):
         self.succeeds(*self.reconstruct("--overwrite", "--up", "0,-2,0"))   # the requested direction wins
         self.assertIn(b"comment vsplat up 0 -1 0\n", self.read("out.ply")[:500].replace(b"-0 ", b"0 "))
 
-    def test_pictures_are_512_pixels_wide_unless_reported(self):
+    def test_pictures_are_512_pixels_wide_unless_asked(self):
         self.succeeds(*self.reconstruct("--render", "orbit:1", "--images", self.path("x")))
         self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("y"))
         for folder in "xy":

@@ -5,7 +5,7 @@
 
 #include "model/base/camera.h"
 #include "model/base/gaussians.h"
-#include "model/diagnose/selftest/inputs/pose_gradient.h"
+#include "model/diagnose/selftest/inputs/se3.h"
 #include "model/diagnose/selftest/reference/differences.h"
 #include "tests/support/compare.h"
 
@@ -46,10 +46,10 @@ inline void expect_differences(const Gaussians& got, const std::array<double, 6>
   std::vector<double> want;
   for (long i = 0; i < 6; ++i)
     want.push_back(ref::derivative_at_0(step, [&](double by) {
-      Eigen::Matrix<double, 6, 1> pose_gradient = Eigen::Matrix<double, 6, 1>::Zero();
-      pose_gradient[i] = by;
+      Eigen::Matrix<double, 6, 1> motion = Eigen::Matrix<double, 6, 1>::Zero();
+      motion[i] = by;
       Camera turned = camera;
-      turned.w2c = selftest::exp_se3(pose_gradient) * camera.w2c;
+      turned.w2c = selftest::exp_se3(motion) * camera.w2c;
       return loss(at, turned);
     }));
   EXPECT_TRUE(close(std::vector<double>(pose.begin(), pose.end()), want, kTolerance)) << "pose";

@@ -54,17 +54,17 @@ def _take_text(pointer: c.c_char_p) -> str:
 class _Reporter:
     """A progress function for C. An exception in it ends the call, and is raised again after it."""
 
-    def __init__(self, result: Progress | None):
+    def __init__(self, progress: Progress | None):
         self.problem: BaseException | None = None
 
         def tell(_user: Any, stage: bytes, done: float) -> int:
             try:
-                return 0 if result(stage.decode(), done) is False else 1
+                return 0 if progress(stage.decode(), done) is False else 1
             except BaseException as e:  # noqa: B902: KeyboardInterrupt, too
                 self.problem = e
                 return 0
 
-        self.function = _progress(tell) if result else _progress()
+        self.function = _progress(tell) if progress else _progress()
 
     def call(self, name: str, *args: Any) -> None:
         try:

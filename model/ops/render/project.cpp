@@ -9,7 +9,7 @@ namespace vsplat {
 namespace {
 
 constexpr long kViewFloats = 32;
-constexpr long kSumBlock = 512;  // Gaussians whose pose_gradients one work-item sums
+constexpr long kSumBlock = 512;  // Gaussians whose pose gradients one work-item sums
 
 // A position as a float and its rounding error: differences of nearby positions far from the origin stay exact.
 void put_split(float* out, const Eigen::Vector3d& p) {

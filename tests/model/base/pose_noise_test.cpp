@@ -13,7 +13,7 @@ namespace vsplat {
 namespace {
 
 // The exponential, as a series for a 1024th of the step, squared ten times.
-Eigen::Matrix4d exponential(const PoseTwist& t) {
+Eigen::Matrix4d exponential(const PoseMotion& t) {
   Eigen::Matrix4d a = Eigen::Matrix4d::Zero(), term = Eigen::Matrix4d::Identity(), out = term;
   a << 0, -t[2], t[1], t[3], t[2], 0, -t[0], t[4], -t[1], t[0], 0, t[5], 0, 0, 0, 0;
   for (int i = 1; i < 8; ++i) out += term = term * a / 1024.0 / i;
@@ -23,8 +23,8 @@ Eigen::Matrix4d exponential(const PoseTwist& t) {
 
 TEST(PoseNoise, MotionsAreTheMatrixExponential) {
   for (const double sigma : {0.0, 1e-4, 0.01, 0.04, 0.06, 0.15, 1.0})
-    for (const PoseTwist& pose_gradient : draw_pose_noise(20, sigma, 3, 0, "a"))
-      EXPECT_LT((motion_of(pose_gradient) - exponential(pose_gradient)).norm(), 1e-12) << sigma;
+    for (const PoseMotion& motion : draw_pose_noise(20, sigma, 3, 0, "a"))
+      EXPECT_LT((motion_of(motion) - exponential(motion)).norm(), 1e-12) << sigma;
 }
 
 TEST(PoseNoise, IsNormalAndTheFirstViewIsExact) {
@@ -32,7 +32,7 @@ TEST(PoseNoise, IsNormalAndTheFirstViewIsExact) {
   int count = 0;
   for (std::uint32_t draw = 0; draw < 300; ++draw) {
     const auto noise = draw_pose_noise(4, 0.1, 7, draw, "cup");
-    EXPECT_EQ(noise[0], PoseTwist{});
+    EXPECT_EQ(noise[0], PoseMotion{});
     for (std::size_t view = 1; view < 4; ++view)
       for (const double x : noise[view]) sum += x, squares += x * x, ++count;
   }
@@ -51,7 +51,7 @@ TEST(PoseNoise, FollowsFromSeedDrawAndName) {
 
 TEST(PoseNoise, TurnsCamerasAboutTheCentre) {
   const auto cameras = test::orbit(3, 16);
-  const PoseTwist turn{0, 0.1, 0, 0, 0, 0}, step{0, 0, 0, 0.01, -0.02, 0.03};
+  const PoseMotion turn{0, 0.1, 0, 0, 0, 0}, step{0, 0, 0, 0.01, -0.02, 0.03};
   const auto turned = moved_cameras(cameras, {turn, turn, turn});
   const PoseErrors by_turn = pose_errors(turned, cameras);
   EXPECT_NEAR(by_turn.degrees, 0.1 * 180 / M_PI, 1e-9);

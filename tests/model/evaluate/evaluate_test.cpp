@@ -52,14 +52,14 @@ class EvaluateTest : public test::FlavourTest {
 VSPLAT_FLAVOURS(EvaluateTest);
 
 // Computes the same as `reconstruct` and `render` do: a scene in the user's world, drawn from listed cameras.
-// `compared`: edge of the compared pictures; 0: the model's. `masked`: whether the pictures have alpha.
-void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int compared, bool masked = true) {
+// `compared_size`: edge of the compared pictures; 0: the model's. `masked`: whether the pictures have alpha.
+void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int compared_size, bool masked = true) {
   const Model model(ctx);
   EvaluateOptions asked;
-  asked.request.compared = compared;
+  asked.request.compared_size = compared_size;
   asked.request.crop = masked ? Crop::automatic : Crop::pad;
   const Evaluation got = evaluate(ctx, *model.network, open_data_set({folder.string()}), asked);
-  const int side = compared > 0 ? compared : kSide;
+  const int side = compared_size > 0 ? compared_size : kSide;
   ASSERT_EQ(got.objects.size(), 3u);
   EXPECT_EQ(got.skipped, 0u);
   EXPECT_TRUE(got.sheet.empty());
@@ -114,7 +114,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
     }
     ASSERT_GE(truth.size(), 2u);
     // The evaluation stores resampled pictures in 8 bits; here they are floats.
-    const double within = compared > 0 ? 1e-2 : 1e-4;
+    const double within = compared_size > 0 ? 1e-2 : 1e-4;
     EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth, shown), std::max(within, 1e-3));
     EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth, shown), within);
     EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth, shown), within);
@@ -135,22 +135,22 @@ TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, kSide);
   test::take_alpha(folder, 3);
-  for (const int compared : {0, 24}) check_against_reconstructing(ctx(), folder, compared, false);
+  for (const int compared_size : {0, 24}) check_against_reconstructing(ctx(), folder, compared_size, false);
 }
 
 // Photographs larger than the model's pictures: compared at full size, and at a size in between.
 TEST_P(EvaluateTest, ComparesAtAnotherSize) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, 2 * kSide);
-  for (const int compared : {2 * kSide, 24}) check_against_reconstructing(ctx(), folder, compared);
+  for (const int compared_size : {2 * kSide, 24}) check_against_reconstructing(ctx(), folder, compared_size);
   const Model model(ctx());
   EvaluateOptions options;
-  options.request.compared = kSide;
+  options.request.compared_size = kSide;
   const Evaluation same = evaluate(ctx(), *model.network, data(), options);
   EXPECT_EQ(same.mean.psnr, evaluate(ctx(), *model.network, data(), {}).mean.psnr);
-  for (const int compared : {1, 10, 4097}) {
-    options.request.compared = compared;
-    test::expect_error(Status::usage, {"evaluate_size is " + std::to_string(compared), "11 to 4096"},
+  for (const int compared_size : {1, 10, 4097}) {
+    options.request.compared_size = compared_size;
+    test::expect_error(Status::usage, {"evaluate_size is " + std::to_string(compared_size), "11 to 4096"},
                        [&] { evaluate(ctx(), *model.network, data(), options); });
   }
 }

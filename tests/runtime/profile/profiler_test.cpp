@@ -106,7 +106,7 @@ TEST(Profiler, CompilingIsARowAndFirstLaunchesAreMarked) {
 }
 
 // Time before a device is open counts, from the time given to begin() on, and only once.
-TEST(Profiler, BeginsWhereItIsReported) {
+TEST(Profiler, BeginsWhereItIsAsked) {
   HostLog::of_process().begin(now_ns());
   {
     const HostSpan span(HostKind::host, "before any device");

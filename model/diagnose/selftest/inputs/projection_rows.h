@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "model/diagnose/selftest/inputs/pose_gradient.h"
+#include "model/diagnose/selftest/inputs/se3.h"
 #include "model/diagnose/selftest/reference/differences.h"
 #include "model/diagnose/selftest/reference/splat.h"
 #include "model/diagnose/selftest/reference/surfels.h"
@@ -134,10 +134,10 @@ inline std::vector<double> by_pose(const ProjectionRows& p, const Gaussians& g, 
   std::vector<double> out;
   for (Eigen::Index i = 0; i < 6; ++i)
     out.push_back(ref::derivative_at_0(step, [&](double h) {
-      Eigen::Matrix<double, 6, 1> pose_gradient = Eigen::Matrix<double, 6, 1>::Zero();
-      pose_gradient[i] = h;
+      Eigen::Matrix<double, 6, 1> motion = Eigen::Matrix<double, 6, 1>::Zero();
+      motion[i] = h;
       Camera moved = cam;
-      moved.w2c = exp_se3(pose_gradient) * cam.w2c;
+      moved.w2c = exp_se3(motion) * cam.w2c;
       double sum = 0;
       for (const auto& one : p.losses) sum += one(g, moved);
       return sum;

@@ -6,8 +6,8 @@
 namespace vsplat::selftest {
 
 // exp of the rigid motion's generator (omega, tau).
-inline Eigen::Matrix4d exp_se3(const Eigen::Matrix<double, 6, 1>& pose_gradient) {
-  const Eigen::Vector3d omega = pose_gradient.head<3>(), tau = pose_gradient.tail<3>();
+inline Eigen::Matrix4d exp_se3(const Eigen::Matrix<double, 6, 1>& motion) {
+  const Eigen::Vector3d omega = motion.head<3>(), tau = motion.tail<3>();
   const double angle = omega.norm();
   Eigen::Matrix3d hat;
   hat << 0, -omega.z(), omega.y(), omega.z(), 0, -omega.x(), -omega.y(), omega.x(), 0;
