@@ -139,8 +139,8 @@ for i in 1 2; do
     fail "the check's reconstructions failed on this device: see above"
   }
 done
-device=$(sed -n 's/^device //p' "$work/check/err" | head -n 1)
-say "device $device"
+device_line=$(sed -n 's/^device //p' "$work/check/err" | head -n 1)
+say "device $device_line"
 cat >"$work/check/train.json" <<'END'
 {"model": "micro", "seed": 5, "steps": 8, "procedural": 1, "lr": 0.001, "warmup": 2, "batch": 2, "log_every": 1, "sheet_every": 0,
  "checkpoint_every": 0}
@@ -264,7 +264,7 @@ summary() {
   rate=$(awk -v n=$((done_steps - start_steps)) -v s="$trained" 'BEGIN { printf "%.3f", (s > 0 ? n / s : 0) }')
   cat >"$work/summary.json" <<END
 {
- "device": "$(printf '%s' "$device" | tr -d '"\134')",
+ "device": "$(printf '%s' "$device_line" | tr -d '"\134')",
  "driver": "$(printf '%s' "${driver:-$vendors}" | tr -d '"\134')",
  "vsplat": "$(printf '%s' "$version" | tr -d '"\134')",
  "calls": $calls,

@@ -210,7 +210,8 @@ class Fit(fit_case.FitCase):
         self.succeeds(*self.fit(*more))
         seconds = time.monotonic() - begun
         moments = random.Random(7)
-        again = self.fit(*more, "--checkpoint", self.path("state"), "--resume", output="again.ply")
+        # A killed process may have written the scene already.
+        again = self.fit(*more, "--checkpoint", self.path("state"), "--resume", "--overwrite", output="again.ply")
         kills = 0
         while kills < KILLS:
             process = subprocess.Popen([support.VSPLAT, *map(str, again)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -224,7 +225,7 @@ class Fit(fit_case.FitCase):
                 process.send_signal(signal.SIGKILL)
                 process.communicate()
                 kills += 1
-        self.succeeds(*again, "--overwrite")
+        self.succeeds(*again)
         for name in ("out.ply", "out.poses.json"):
             self.assertEqual(pathlib.Path(self.path(name)).read_bytes(), open(self.path(name.replace("out", "again")), "rb").read())
         self.assertFalse([name for name in os.listdir(self.path("state")) if name.endswith(".tmp")])

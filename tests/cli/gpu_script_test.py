@@ -25,6 +25,8 @@ import glob, json, os, signal, sys, time
 device = json.load(open(os.environ["STAND_IN"]))
 words = sys.argv[1:]
 after = lambda option: words[words.index(option) + 1]
+if "--device" in words and after("--device") not in ("gpu", "cpu"):
+    sys.exit("no device is " + after("--device"))
 if words[0] == "--version":
     print("vsplat of a test")
 elif words[0] == "devices":

@@ -170,7 +170,7 @@ void ListedFiles::add_in_any_form(const fs::path& folder, const fs::path& below,
   };
   const std::string listed = part->string(), form = composed(listed);
   add(listed);
-  if (is_ascii(listed)) return;
+  if (is_ascii(listed) || (roots_ && !roots_->hold(here / listed))) return;
   const auto [first, last] = list(here).by_folded_name.equal_range(folded(listed));
   for (auto at = first; at != last; ++at)
     if (at->second != listed && composed(at->second) == form) add(at->second);

@@ -115,6 +115,11 @@ TEST_F(ListedFile, WhatIsWrittenComesFirstUnlessAFolderIsGiven) {
   roots.add(folder.path());
   EXPECT_EQ(ListedFiles({folder.path()}, folder.path(), &roots).find(absolute).path, folder / "1.png");
   EXPECT_EQ(ListedFiles({folder.path()}, folder.path(), &roots).find((other / "2.png").string()).path, other / "2.png");
+  // Only with its exact name: folders outside are not listed.
+  other.touch("a\xcc\x88.png");
+  const std::string composed = (other / "\xc3\xa4.png").string();
+  EXPECT_EQ(ListedFiles({folder.path()}, folder.path()).find(composed).path, other / "a\xcc\x88.png");
+  EXPECT_EQ(ListedFiles({folder.path()}, folder.path(), &roots).find(composed).path, "");
 }
 
 TEST_F(ListedFile, SaysWhereItLookedAndWhatIsNear) {
