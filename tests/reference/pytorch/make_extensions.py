@@ -1,8 +1,7 @@
 """Write reference vectors of the two extensions: share_reference.py (Plücker maps predicted from the features) and
 dinov3_reference.py (the encoder of the paper's table II).
 
-    python3 make_extensions.py --what share|dinov3 --output DIR [--size tiny|micro] [--seed 0] [--set FIELD=VALUE ...] [--part small|large]
-    python3 make_extensions.py --what share|dinov3 --names [--size paper]     the extension's tensors, names and shapes, to stdout
+    python3 make_extensions.py --what share|dinov3 --output DIR [--size tiny|micro] [--seed 0] [--part small|large]
 
 Random weights and inputs, every stage, gradients; float64 throughout, stored as float32, as make_golden.py does; the same
 seed gives the same bytes on one machine. Files written, SIZE in their names before what they are, each with its configuration (JSON, all
@@ -21,9 +20,9 @@ fields in one object) in the metadata; with --part small only those marked *, wi
 Tensor names: input.*, weight.* (state dict; the predictor's own names start with `share.`, the encoder's here with nothing, in a
 model with `encoder.model.`), stage.* (the reference's trace), cotangent.* and cograd.* (the fixed cotangent of each output, and what
 it gives every weight and, for `share_predictor*`, the input features). In the models also render.{coarse,final}.*, loss (share: the
-sum, and loss.ray), grad.* (of the loss, through the rasteriser), metric.*.
+sum, and loss.ray), grad.* (of the loss, through the rasteriser).
 share_model's inputs: c2w and K of the `views` input views and 2 novel ones, accurate; pose_noise (views,6); c2w_given, what the
-network is given; plucker, of the accurate cameras: the ray loss's target; plucker_given, of the given ones: looked at by nothing.
+network is given; plucker, of the accurate cameras: the ray loss's target.
 """
 import argparse
 import json
@@ -112,9 +111,7 @@ def model_case(model, cfg, seed, noise_on_cameras):
         xi = exact(share.draw_pose_noise(n, SIGMA, torch.Generator().manual_seed(seed)))
         given = exact(share.noisy_cameras(c2w[:n], xi))
         true = ref.plucker(c2w[:n], K[:n], cfg.tokens, cfg.patch)
-        degrees, distance = share.pose_errors(given, c2w[:n])
-        out.update({"input.pose_noise": xi, "input.c2w_given": given, "input.plucker": true, "input.plucker_given": ref.plucker(given, K[:n], cfg.tokens, cfg.patch),
-                    "metric.pose_degrees": degrees, "metric.pose_distance": distance})
+        out.update({"input.pose_noise": xi, "input.c2w_given": given, "input.plucker": true})
     trace = {}
     with torch.no_grad():
         model(target[:n], given, K[:n], temperature, trace=trace)
@@ -130,7 +127,6 @@ def model_case(model, cfg, seed, noise_on_cameras):
         rays = share.ray_loss(model.plucker, true)
         value = share.loss(shots["coarse"][0], fine, target, model.plucker, true, cfg)
         out["loss.ray"], outputs["plucker"] = rays.reshape(1), model.plucker
-        out["metric.ray_degrees"], out["metric.ray_moment"] = share.ray_errors(model.plucker, true)
     out.update({"input.images": target, "input.c2w": c2w, "input.K": K, "input.background": background, "loss": value.reshape(1)})
     out.update({f"weight.{k}": v.clone() for k, v in model.state_dict().items()})
     out.update({f"stage.{k}": v for k, v in trace.items()})
@@ -192,23 +188,14 @@ def make_dinov3(cfg, seed, at, small, large):
 def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("--what", required=True, choices=("share", "dinov3"))
-    ap.add_argument("--size", default="tiny", choices=("paper", "small", "tiny", "micro"))
+    ap.add_argument("--size", default="tiny", choices=("tiny", "micro"))
     ap.add_argument("--seed", type=int, default=0)
-    ap.add_argument("--output", metavar="DIR")
-    ap.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
-    ap.add_argument("--names", action="store_true")
+    ap.add_argument("--output", metavar="DIR", required=True)
     ap.add_argument("--suffix", default="", help="of the size in the files' names")
     ap.add_argument("--part", default="all", choices=("all", "small", "large"))
     a = ap.parse_args()
     torch.set_num_threads(1)
-    cfg = (share if a.what == "share" else dinov3).CONFIGS[a.size].with_fields(a.set)
-    if a.names:
-        net, prefix = (share.PluckerPredictor(cfg), "share.") if a.what == "share" else (dinov3.Dinov3(cfg), "encoder.model.")
-        for k, v in net.state_dict().items():
-            print(prefix + k, *v.shape)
-        return
-    if a.output is None or a.size in ("paper", "small"):
-        ap.error("vectors need --output, and --size tiny or micro")
+    cfg = (share if a.what == "share" else dinov3).CONFIGS[a.size]
     os.makedirs(a.output, exist_ok=True)
     at = lambda name: os.path.join(a.output, f"{a.what}_{a.size}{a.suffix}_{name}.safetensors")
     (make_share if a.what == "share" else make_dinov3)(cfg, a.seed, at, a.part != "large", a.part != "small")

@@ -2,7 +2,7 @@
 
 The predictor is that of SHARE ("Pose-Free 3D Gaussian Splatting via Shape-Ray Estimation", arXiv 2505.22978, official
 repository youngju-na/SHARE), behind the input module that the VS-Splat paper gives it. Written from the facts of that
-repository and of the paper; the published VS-Splat code has no extension. `python3 share_reference.py` checks it.
+repository and of the paper; the published VS-Splat code has no extension.
 
 What the predicted maps replace: the Plücker maps of the given cameras in the modulation (`dir_norm`), nothing else.
 What goes on using the given cameras, noise and all: the object's frame (`place`, `rebase`), lifting, the projection of the
@@ -23,7 +23,6 @@ Where paper and code leave a choice, ShareConfig names it. Views are not interch
 """
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass
 
@@ -32,7 +31,6 @@ import torch.nn.functional as F
 from torch import nn
 
 import loss_reference
-import object_views
 import vsplat_config
 import vsplat_reference as ref
 
@@ -77,11 +75,6 @@ class ShareConfig(vsplat_config.Config):
         need(self.share_loss_weight >= 0, "share_loss_weight must not be negative")
         need(self.share_cross_mask in ("tiled", "aligned"), "share_cross_mask must be one of tiled, aligned")
         return self
-
-    @classmethod
-    def from_json(cls, text):
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in json.loads(text).items()}).check()
-
 
 def extend(base: vsplat_config.Config, **fields) -> ShareConfig:
     return ShareConfig(**{**asdict(base), **fields}).check()
@@ -186,14 +179,10 @@ class MatchBlock(nn.Module):
         self.self_attn, self.cross_attn_ffn = MatchLayer(dim, 0), MatchLayer(dim, mlp)
 
 
-class RayAttention(ref.Attention):
-    """Full attention over the tokens of all views, biases on qkv and the projection."""
-
-
 class RayBlock(nn.Module):
     def __init__(self, dim, heads, mlp):
         super().__init__()
-        self.norm1, self.attn = nn.LayerNorm(dim, eps=1e-6), RayAttention(dim, heads)
+        self.norm1, self.attn = nn.LayerNorm(dim, eps=1e-6), ref.Attention(dim, heads)   # full, over the tokens of all views
         self.norm2, self.mlp = nn.LayerNorm(dim, eps=1e-6), nn.Module()
         self.mlp.fc1, self.mlp.fc2 = nn.Linear(dim, int(dim * mlp)), nn.Linear(int(dim * mlp), dim)
 
@@ -275,16 +264,6 @@ class PluckerPredictor(nn.Module):
         return x
 
 
-# SHARE's names of the same tensors (its checkpoints, below `encoder.`); UniMatch's have `transformer.layers.` at the top.
-# `reduce` is new; SHARE has a CNN in its place. SHARE also stores its two sine tables, which follow from the sizes.
-FROM_SHARE = {
-    "share.transformer.": "encoder.backbone.transformer.",
-    "share.pre_conv.": "encoder.pre_conv.",
-    "share.view_pos_emb": "encoder.depth_predictor.view_pos_emb",
-    "share.ray_predictor.": "encoder.depth_predictor.ray_predictor.",
-}
-
-
 class VSplatShare(ref.VSplat):
     def __init__(self, cfg: ShareConfig):
         super().__init__(cfg)
@@ -318,17 +297,6 @@ def loss(coarse, final, target, predicted, true, cfg: ShareConfig):
     return loss_reference.loss(coarse, final, target) + cfg.share_loss_weight * ray_loss(predicted, true)
 
 
-def ray_errors(predicted, true):
-    """Per view: mean angle between the directions in degrees, mean distance between the moments (both maps' directions made
-    unit first, moments divided by the same length)."""
-    def unit(p):
-        length = p[..., :3].norm(dim=-1, keepdim=True)
-        return p[..., :3] / length, p[..., 3:] / length
-    (d, m), (e, o) = unit(predicted), unit(true)
-    angle = torch.atan2(torch.cross(d, e, dim=-1).norm(dim=-1), (d * e).sum(-1))
-    return torch.rad2deg(angle).mean((1, 2)), (m - o).norm(dim=-1).mean((1, 2))
-
-
 # ---------------------------------------------------------------------------------- pose noise
 
 def se3_exp(xi):
@@ -347,118 +315,15 @@ def se3_exp(xi):
     return torch.cat([top, torch.tensor([0, 0, 0, 1]).to(xi).expand(*xi.shape[:-1], 1, 4)], -2)
 
 
-def noisy_cameras(c2w, xi, frame="world"):
-    """(V,4,4), (V,6) -> (V,4,4), in the object's frame (the cube's edge is 1, its centre the origin).
-
-    world   w2c' = w2c exp(xi): the camera is turned about the object's centre and moved with it, as BARF and SPARF do
-    camera  c2w' = c2w exp(xi): the camera turns about itself"""
-    return se3_exp(-xi) @ c2w if frame == "world" else c2w @ se3_exp(xi)
+def noisy_cameras(c2w, xi):
+    """(V,4,4), (V,6) -> (V,4,4), in the object's frame (the cube's edge is 1, its centre the origin): w2c' = w2c exp(xi), so the
+    camera is turned about the object's centre and moved with it, as BARF and SPARF do."""
+    return se3_exp(-xi) @ c2w
 
 
-def draw_pose_noise(count, sigma, generator, keep_first=True):
+def draw_pose_noise(count, sigma, generator):
     """(count,6) float64, normal with deviation sigma in radians and in edges of the cube. View 0 defines the frame that the
-    result is compared in, so it stays exact unless asked."""
+    result is compared in, so it stays exact."""
     xi = torch.randn(count, 6, dtype=torch.float64, generator=generator) * sigma
-    if keep_first:
-        xi[0] = 0
+    xi[0] = 0
     return xi
-
-
-def pose_errors(given, true):
-    """(V,4,4) twice -> rotation in degrees, distance of the camera centres; not aligned: the frame is the object's."""
-    r = given[:, :3, :3].transpose(1, 2) @ true[:, :3, :3]
-    axis = torch.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], -1).norm(dim=-1)
-    return torch.rad2deg(torch.atan2(axis, r.diagonal(dim1=1, dim2=2).sum(-1) - 1)), (given[:, :3, 3] - true[:, :3, 3]).norm(dim=-1)
-
-
-SIGMAS = (0.0, 0.01, 0.03, 0.05, 0.15)      # of SHARE's own figure on noise; 0.15 is BARF's and SPARF's
-
-
-# ------------------------------------------------------------------------------------- checks
-
-def self_check():
-    torch.manual_seed(0)
-    def report(what, error, limit):
-        print(f"{what}: {float(error):.1e}")
-        if not error <= limit:
-            raise SystemExit("FAILED")
-    # compares windows with rolling and cutting a picture of token numbers, and masked pairs with distances on the rolled grid
-    for h, w, s in ((6, 6, 2), (8, 4, 2), (9, 6, 3), (4, 4, 1)):
-        for shifted in (False, True):
-            token, region = windows(h, w, s, shifted)
-            sh, sw = (h // s // 2, w // s // 2) if shifted and s > 1 else (0, 0)
-            grid = torch.roll(torch.arange(h * w).reshape(h, w), (-sh, -sw), (0, 1))
-            cut = torch.stack([grid[a * (h // s):(a + 1) * (h // s), b * (w // s):(b + 1) * (w // s)].reshape(-1) for a in range(s) for b in range(s)])
-            assert torch.equal(token, cut)
-            # two tokens of a window are masked from each other exactly if they are further apart in the picture than a window reaches
-            y, x = token // w, token % w
-            far = ((y[:, :, None] - y[:, None]).abs() >= h // s) | ((x[:, :, None] - x[:, None]).abs() >= w // s)
-            assert torch.equal(far, region[:, :, None] != region[:, None])
-    print("windows: as rolled and cut; strangers are the tokens that rolling brought together")
-    # attention by loops over single tokens
-    n, m, h, w, c = 2, 3, 6, 4, 8
-    q, k, v = torch.randn(n, h * w, c, dtype=torch.float64), torch.randn(n, m, h * w, c, dtype=torch.float64), torch.randn(n, m, h * w, c, dtype=torch.float64)
-    token, region = windows(h, w, 2, True)
-    for tiled in (False, True):
-        want = torch.zeros_like(q)
-        for view in range(n):
-            for win in range(len(token)):
-                keys = [(int(p), i) for p in token[win] for i in range(m)]
-                for a, p in enumerate(token[win].tolist()):
-                    score = []
-                    for j, (other, i) in enumerate(keys):
-                        b = j % len(token[win]) if tiled else token[win].tolist().index(other)
-                        score.append(q[view, p] @ k[view, i, other] / c ** 0.5 - 100 * float(region[win, a] != region[win, b]))
-                    weight = torch.softmax(torch.stack(score), 0)
-                    want[view, p] = sum(weight[j] * v[view, i, other] for j, (other, i) in enumerate(keys))
-        report(f"window attention, {'tiled' if tiled else 'aligned'}: against loops", (window_attention(q, k, v, token, region, tiled) - want).abs().max(), 1e-12)
-    # pose noise against the matrix exponential, by its series for a 1024th of the step, ten times squared
-    xi = torch.cat([torch.randn(20, 6, dtype=torch.float64) * s for s in (1.0, 0.15, 0.03, 0.0)])
-    pose_gradient = torch.zeros(len(xi), 4, 4, dtype=torch.float64)
-    for i, (a, b) in enumerate(((2, 1), (0, 2), (1, 0))):
-        pose_gradient[:, a, b], pose_gradient[:, b, a] = xi[:, i], -xi[:, i]
-    pose_gradient[:, :3, 3] = xi[:, 3:]
-    term = power = torch.eye(4, dtype=torch.float64).expand_as(pose_gradient)
-    for i in range(1, 8):
-        term = term @ pose_gradient / 1024 / i
-        power = power + term
-    for _ in range(10):
-        power = power @ power
-    report("se3_exp: against the matrix exponential", (se3_exp(xi) - power).abs().max(), 1e-12)
-    c2w = object_views.orbit_cameras(4, CONFIGS["tiny"])[0].double()
-    for frame in ("world", "camera"):
-        moved = noisy_cameras(c2w, xi[20:24], frame)
-        angle, centre = pose_errors(moved, c2w)
-        report(f"noise in the {frame}'s frame: rotation angle", (torch.deg2rad(angle) - xi[20:24, :3].norm(dim=1)).abs().max(), 1e-7)
-    assert pose_errors(c2w, c2w)[0].max() < 1e-4
-    # the predictor and the model
-    for name in ("tiny", "micro"):
-        cfg = CONFIGS[name]
-        model = VSplatShare(cfg).double()
-        c2w, K = (t.double() for t in object_views.orbit_cameras(cfg.views, cfg))
-        images = object_views.checked_ball(c2w.float(), K.float(), cfg.image).double()
-        trace = {}
-        coarse, final, coords = model(images, c2w, K, trace=trace)
-        true = ref.plucker(c2w, K, cfg.tokens, cfg.patch)
-        (ray_loss(model.plucker, true) + sum(f.square().sum() for f in final.fields())).backward()
-        idle = [k for k, p in model.named_parameters() if k.startswith("share.") and (p.grad is None or not torch.isfinite(p.grad).all())]
-        assert not idle, idle
-        degrees, moment = ray_errors(model.plucker.detach(), true)
-        print(f"{name}: {sum(p.numel() for p in model.share.parameters())} parameters in the predictor, {len(trace)} stages, rays off by {degrees.mean():.0f} degrees untrained")
-        assert ray_errors(true, true)[0].max() < 1e-5
-        # an untaught predictor can be taught: a few steps on one scene (only the rays)
-        opt = torch.optim.AdamW(model.share.parameters(), lr=3e-3)
-        x = trace["encoder"].detach()
-        first = None
-        for _ in range(60):
-            opt.zero_grad()
-            value = ray_loss(model.share(x), true)
-            first = value.item() if first is None else first
-            value.backward()
-            opt.step()
-        print(f"  60 steps on one scene: ray loss {first:.3f} -> {value.item():.4f}, {ray_errors(model.share(x).detach(), true)[0].mean():.1f} degrees")
-        assert value.item() < 0.2 * first
-
-
-if __name__ == "__main__":
-    self_check()

@@ -1,7 +1,6 @@
 """The configuration of VS-Splat: its sizes, its choices, and the named ones."""
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
 
 
@@ -86,13 +85,6 @@ class Config:
                 changes[name] = type(old)(value)
         return replace(self, **changes).check()
 
-    @staticmethod
-    def from_json(text):
-        fields = json.loads(text)
-        if "volume_mult" in fields:
-            fields["volume_mult"] = tuple(fields["volume_mult"])
-        return Config(**fields).check()
-
 
 CONFIGS = {
     "paper": Config(),
@@ -106,7 +98,3 @@ CONFIGS = {
     "micro": Config(image=16, views=2, patch=8, vit_dim=12, vit_depth=1, vit_heads=2, vit_pos_grid=3, volume=4, volume_ch=4,
                     voxel_ch=8, voxel_levels=1, fine_dim=8, fine_count=2, groups=2),
 }
-
-
-def tiny_config() -> Config:
-    return CONFIGS["tiny"]
