@@ -1,4 +1,4 @@
-// Vectors of LaRa's and GenDen's specifications: a file of tests/reference/pytorch/make_published.py --tests, with the
+// Vectors of LaRa's and GenDen's specifications: a file of tests/reference/pytorch/make_published.py, with the
 // weights in a checkpoint beside it.
 #pragma once
 #include <gtest/gtest.h>

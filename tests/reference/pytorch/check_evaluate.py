@@ -56,7 +56,7 @@ class EvaluateNumbers(support.Case):
             self.succeeds("reconstruct", folder, "--model", self.model, "--views", ",".join(f"@{i}" for i in inputs), "--output", self.path("o.ply"),
                           "--dump", self.path("dump"), "--overwrite")
             dump, _ = safetensors_file.load_safetensors(self.path("dump", "stages.safetensors"))
-            placed, _ = object_views.rebase(object_views.place(c2w[inputs + novel], (0, 0, 0), 1.0))
+            placed = object_views.rebase(object_views.place(c2w[inputs + novel], (0, 0, 0), 1.0))
             focal = listed.get("fl_x") or 0.5 * self.SIDE / math.tan(listed["camera_angle_x"] / 2)
             K = torch.tensor([[focal, 0, self.SIDE / 2], [0, focal, self.SIDE / 2], [0, 0, 1]], dtype=torch.float64)
 

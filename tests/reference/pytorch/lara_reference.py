@@ -14,16 +14,14 @@ Needs only torch >= 1.13 and numpy, and vsplat_reference.py and splat2d_referenc
 """
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import torch
 import torch.nn.functional as F
 from torch import nn
 from torch.utils.checkpoint import checkpoint
 
-import loss_reference
 import splat2d_reference as splat2d
 import splat3d_reference as splat3d
 import vsplat_reference as ref
@@ -100,13 +98,6 @@ class Config:
 
     def with_fields(self, **changes):
         return replace(self, **changes).check()
-
-    def to_json(self):
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text):
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in json.loads(text).items()}).check()
 
 
 CONFIGS = {
@@ -363,36 +354,6 @@ class LaRa(nn.Module):
             t[f"final.{f}"] = getattr(final, f)
         return g, final
 
-    def load(self, state):
-        """A state dict in published naming (with or without "net."); buffers may be missing, nothing else may."""
-        state = {k[4:] if k.startswith("net.") else k: v for k, v in state.items()}
-        missing, unexpected = self.load_state_dict(state, strict=False)
-        wrong = [k for k in missing if k not in dict(self.named_buffers())] + list(unexpected)
-        if wrong:
-            raise ValueError(f"these do not fit: {', '.join(wrong[:5])}")
-        return self
-
-
-# ---------------------------------------------------------------------------------------- training
-
-def strip(x):
-    """(N,H,W,...) -> (1,H,N W,...): pictures side by side, as the published loss takes them."""
-    return torch.cat(list(x), 1)[None]
-
-
-def loss(levels, target, step=None):
-    """`levels`: the maps of the coarse drawing, then of the fine one where there is one, all views, white or the view's own
-    background. Per level MSE + 0.5 (1 - SSIM) of the views side by side (MS-SSIM where the height exceeds 160); for the
-    coarse level of surfels after 1000 steps also 1000 mean(distortion) + 0.2 mean(alpha (1 - normal . depth normal))."""
-    total, want = 0.0, strip(target)
-    for i, m in enumerate(levels):
-        got = strip(m["image"])
-        s = loss_reference.ms_ssim if got.shape[1] > 160 else loss_reference.ssim
-        total = total + ((got - want) ** 2).mean() + 0.5 * (1 - s(got, want))
-        if i == 0 and "distortion" in m and (step is None or step > 1000):
-            total = total + 1000 * m["distortion"].mean()
-            total = total + 0.2 * ((1 - (m["normal"] * m["depth_normal"]).sum(-1)) * m["alpha"].detach()).mean()
-    return total
 
 
 def parameters(model):
@@ -403,11 +364,3 @@ def parameters(model):
 
 def count(model):
     return sum(p.numel() for p in model.parameters())
-
-
-if __name__ == "__main__":
-    import sys
-    m = LaRa(CONFIGS[sys.argv[1] if len(sys.argv) > 1 else "published"])
-    for name, shape, kind in parameters(m):
-        print(f"{name:58s} {' x '.join(map(str, shape)):24s} {kind}")
-    print(f"{count(m):,} parameters")

@@ -10,12 +10,8 @@
                                          extensions' larger ones
     python3 make_cases.py DIR tiny_slow  two seeds more of every system's and extension's
 """
-import contextlib
 import glob
-import io
 import os
-import re
-import runpy
 import sys
 
 import genden_reference
@@ -140,14 +136,14 @@ def run(module, *arguments):
 
 def make_parameters(folder):
     """The lists of the published sizes' parameters, where they are not there."""
-    for system, module, before in (("lara", lara_reference, []), ("genden", genden_reference, ["genden"])):
+    for system in ("lara", "genden"):
         path = os.path.join(folder, system + "_parameters.txt")
         if not os.path.exists(path):
-            sys.argv = [module.__file__, *before, "published"]
-            with contextlib.redirect_stdout(io.StringIO()) as text:
-                runpy.run_path(module.__file__, run_name="__main__")
+            model, _ = genden_reference.build(system, "published")
             with open(path, "w") as f:
-                f.write(re.sub(" +", " ", text.getvalue()))
+                for name, shape, kind in lara_reference.parameters(model):
+                    f.write(f"{name} {' x '.join(map(str, shape))} {kind}\n")
+                f.write(f"{lara_reference.count(model):,} parameters\n")
 
 
 def newest_source():
@@ -161,7 +157,7 @@ def make_systems(folder, size):
 
     for name, (system, edge, *more) in PUBLISHED.get(size, {}).items():
         if due(name):
-            run(make_published, "--system", system, "--size", edge, "--tests", "--output", folder, *more)
+            run(make_published, "--system", system, "--size", edge, "--output", folder, *more)
     for name, (what, edge, part, *more) in EXTENSIONS.get(size, {}).items():
         if due(name):
             run(make_extensions, "--what", what, "--size", edge, "--part", part, "--output", folder, *more)

@@ -2,24 +2,16 @@
 """make_checkpoints.py OUT MODEL.safetensors OTHER.safetensors: the weights of both model files as torch.save leaves them, in every way that
 `vsplat weights import` reads and in some that it refuses. MODEL is of a named configuration, OTHER of none."""
 import collections
-import json
 import math
-import struct
 import sys
 
 import torch
 
+import safetensors_file
+
 
 def read(path):
-    """-> {name: tensor} of a safetensors file of F32, in the file's order"""
-    data = open(path, "rb").read()
-    size = struct.unpack("<Q", data[:8])[0]
-    out = collections.OrderedDict()
-    for name, entry in json.loads(data[8:8 + size]).items():
-        if name != "__metadata__":
-            begin, end = (8 + size + at for at in entry["data_offsets"])
-            out[name] = torch.frombuffer(bytearray(data[begin:end]), dtype=torch.float32).reshape(entry["shape"])
-    return out
+    return collections.OrderedDict(safetensors_file.load_safetensors(path)[0])
 
 
 def lightning(state):

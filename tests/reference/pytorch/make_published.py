@@ -1,27 +1,21 @@
 """Write reference vectors for LaRa, GenDen and VS-Splat with GenDen: random weights, pictures, every stage, gradients.
 
-    python3 make_published.py --system lara|genden|vsplat+genden [--size tiny] [--seed 0] [--residual] --output DIR
+    python3 make_published.py --system lara|genden|vsplat+genden [--size tiny] [--seed 0] [--residual] [--suffix S] --output DIR
 
 The same arguments give the same bytes. float64 throughout, from weights and inputs that float32 holds; stored as float32,
-indices as int64. Names are those of the specification's `trace`. In DIR:
+indices as int64. In DIR:
 
-  model.ckpt             the weights as the published files hold them: a Lightning checkpoint (torch.save), keys with "net.",
-                         with an optimiser, schedulers, callbacks and loops beside them, storages marked cuda:0
-  model.safetensors      the same weights without "net."; metadata: "config" (system, backbone, densify)
-  inputs.safetensors     images, c2w, K (the first `views` are the input, see the metadata), background; `orders` (levels x 4),
-                         which permutation of the curves each level takes (the published code draws it at random)
-  stages.safetensors     every stage; drawings of the coarse and the final primitives in all views
-  gradients.safetensors  cotangent.{coarse,final}.*; cograd.coarse.PARAMETER: those of the coarse ones; cograd.final.*: of
-                         the final ones, through the coarse drawings too; cograd.fixed.*: of the final ones, drawings held
-                         constant; loss and grad.* (LaRa, GenDen): of the published loss over all views
-  surfels.safetensors    (lara) the rasteriser alone: scene.*, then for both revisions maps, cotangents and gradients
+  SYSTEM_SIZE.ckpt         the weights as the published files hold them: a Lightning checkpoint (torch.save), keys with "net.",
+                           with an optimiser, schedulers, callbacks and loops beside them, storages marked cuda:0
+  SYSTEM_SIZE.safetensors  input.{images,c2w,K}; input.orders (levels x 4), which permutation of the curves each level takes (the
+                           published code draws it at random); stage.*, named as in the specification's `trace`;
+                           cotangent.{coarse,final}.*; cograd.coarse.PARAMETER: those of the coarse primitives; cograd.final.*: of
+                           the final ones, through the coarse drawings too; cograd.fixed.*: of the final ones, drawings held
+                           constant; of lara also novel.* (the views beside the input), loss and grad.* (of the product's loss);
+                           metadata: "config" (as model files have it), "views", "seed"
 
-With --tests there are two files instead: SYSTEM_SIZE.ckpt, as model.ckpt, and SYSTEM_SIZE.safetensors with what the tests read of the
-others: input.*, stage.*, cotangent.* and cograd.*, and novel.* (the views beside the input), loss and grad.* (of the product's loss);
-metadata: "config" (as model files have it), "views", "seed".
-
-No discrete choice lies close to its threshold: `margins` in the metadata of stages.safetensors says how far, and the seed is
-moved by 1000 until all exceed their limits. (Single pixel-primitive pairs near 1/255 remain, as in every drawing.)
+No discrete choice lies close to its threshold: the seed is moved by 1000 until all `margins` exceed their limits. (Single
+pixel-primitive pairs near 1/255 remain, as in every drawing.)
 """
 import argparse
 import collections
@@ -40,7 +34,6 @@ import make_golden
 import object_views
 import safetensors_file
 import serialisation
-import splat2d_reference as splat2d
 import splat3d_reference as splat3d
 import vsplat_reference as ref
 
@@ -264,10 +257,7 @@ class Case:
         return {k[8:]: v for k, v in t.items() if k.startswith("drawing.")}
 
     def draw(self, g):
-        if self.system != "vsplat+genden":
-            return self.model.draw(g, self.c2w, self.K, WHITE)
-        shots = [splat3d.render(g, c, k, self.model.cfg.image, self.model.cfg.image, torch.ones(3).double()) for c, k in zip(self.c2w, self.K)]
-        return {name: torch.stack(part) for name, part in zip(("image", "alpha", "depth"), zip(*shots))}
+        return self.model.draw(g, self.c2w, self.K, WHITE)
 
 
 def make_case(system, size, seed, residual):
@@ -276,13 +266,12 @@ def make_case(system, size, seed, residual):
         t = case.run()
         m = {**margins(case.model, t), **borders(case, t)}
         if all(got > least for got, least in m.values()):
-            return case, t, {k: round(v[0], 7) for k, v in m.items()}
+            return case, t
     raise SystemExit("no seed with clear choices found: " + json.dumps(m))
 
 
-def gradients(case, t, with_loss=True):
-    """Cotangents on the coarse and final fields, and the parameters' gradients. The choices are held as in `t`. Without
-    `with_loss` none of a loss, which draws both levels in all views."""
+def gradients(case, t):
+    """Cotangents on the coarse and final fields, and the parameters' gradients. The choices are held as in `t`."""
     model, out = case.model, {}
     fixed = {"selection": t["selected"], "score": t["score"]} if "selected" in t else {}
     gen = torch.Generator().manual_seed(case.seed)
@@ -299,13 +288,6 @@ def gradients(case, t, with_loss=True):
                 out[key] = (torch.randn(getattr(g, f).shape, generator=gen) * 0.1).double()
         torch.autograd.backward(g.fields(), [out[f"cotangent.{which}.{f}"] for f in FIELDS])
         out.update({f"cograd.{name}.{k}": p.grad.clone() for k, p in model.named_parameters() if p.grad is not None})
-    if held and with_loss:
-        model.zero_grad(set_to_none=True)
-        coarse, final = case.forward(**fixed)
-        value = lara.loss([case.draw(coarse), case.draw(final)], case.images)
-        value.backward()
-        out["loss"] = value.detach().reshape(1)
-        out.update({f"grad.{k}": p.grad.clone() for k, p in model.named_parameters() if p.grad is not None})
     model.zero_grad(set_to_none=True)
     return out
 
@@ -330,47 +312,12 @@ def view_losses(case, t):
     return out
 
 
-def surfel_case(seed, count=60, width=40, height=27):
-    """The surfel rasteriser alone: odd sizes, a principal point off the middle, a surfel behind the camera (0), one nearer than the near
-    plane (1), one seen almost edge on (2)."""
-    gen = torch.Generator().manual_seed(seed)
-    rand = lambda *s: torch.rand(*s, generator=gen).double()
-    randn = lambda *s: torch.randn(*s, generator=gen).double()
-    c2w = object_views.orbit_cameras(2, lara.CONFIGS["tiny"], seed=seed)[0][1].double()
-    means = (rand(count, 3) - 0.5) * torch.tensor([1.2, 0.8, 0.9])
-    means[0], means[1] = 1.8 * c2w[:3, 3], 0.9 * c2w[:3, 3]
-    fields = [means, rand(count, 2) * 0.12 + 0.01, torch.nn.functional.normalize(randn(count, 4), dim=-1), rand(count) * 0.7 + 0.15, randn(count, 4, 3) * 0.4]
-    turns = torch.nn.functional.normalize(randn(500, 4), dim=-1)
-    fields[2][2] = turns[(splat3d.rotation(turns)[:, :, 2] @ (means[2] - c2w[:3, 3])).abs().argmin()]
-    fields = [f.float().double() for f in fields]
-    K = torch.tensor([[41.0, 0, 19.2], [0, 43.0, 14.1], [0, 0, 1]]).double()
-    bg = torch.tensor([1.0, 0.5, 0.25]).double()
-    out = {f"scene.{f}": x for f, x in zip(FIELDS, fields)}
-    out.update({"scene.c2w": c2w, "scene.K": K, "scene.background": bg, "scene.mirror": torch.zeros(3)})
-    for revision in ("lara", "current"):
-        leaves = [x.clone().requires_grad_() for x in fields]
-        m = splat2d.render(splat3d.Gaussians(*leaves), c2w, K, width, height, bg, torch.zeros(3), revision)
-        s = splat2d.project(splat3d.Gaussians(*fields), c2w, K, width, height, revision)
-        out.update({f"{revision}.project.{k}": getattr(s, k) for k in ("index", "T", "centre", "z", "normal", "rect")})
-        total = 0.0
-        for f in splat2d.MAP_FIELDS:
-            x = getattr(m, f)
-            if f"cotangent.{f}" not in out:
-                out[f"cotangent.{f}"] = (torch.randn(x.shape, generator=gen) * 0.1).double()
-            out[f"{revision}.{f}"] = x.detach()
-            total = total + (x * out[f"cotangent.{f}"]).sum()
-        total.backward()
-        out.update({f"{revision}.grad.{f}": x.grad for f, x in zip(FIELDS, leaves)})
-    return out, {"width": width, "height": height, "maps": ",".join(splat2d.MAP_FIELDS)}
-
-
-def for_tests(case, t, state, path):
-    """See --tests above. What a drawing is beside image, alpha and depth is for the loss alone, which is
-    that of the product."""
-    checkpoint(path + ".ckpt", state, dict(case.model.named_parameters()))
+def write(case, t, path):
+    """What a drawing is beside image, alpha and depth is for the loss alone, which is that of the product."""
+    checkpoint(path + ".ckpt", {k: v.detach().float() for k, v in case.model.state_dict().items()}, dict(case.model.named_parameters()))
     out = {f"input.{k}": v[:case.views] for k, v in {"images": case.images, "c2w": case.c2w, "K": case.K}.items()}
     out.update({f"stage.{k}": v for k, v in t.items() if not k.startswith("drawing.") or k.split(".")[1] in ("image", "alpha", "depth")})
-    out.update(gradients(case, t, with_loss=False))
+    out.update(gradients(case, t))
     config = json.loads(case.config)
     flat = dict(config["backbone"])                             # as model files have it
     for k, v in config.get("densify", {}).items():
@@ -393,36 +340,13 @@ def main():
     ap.add_argument("--size", default="tiny", choices=("tiny", "micro", "tiny_gaussian", "micro_gaussian"), help="those with _gaussian: of lara alone; micro: not of vsplat+genden")
     ap.add_argument("--seed", type=int, default=0)
     ap.add_argument("--residual", action="store_true", help="GenDen's second published model")
-    ap.add_argument("--tests", action="store_true", help="only what the tests read, in two files")
-    ap.add_argument("--suffix", default="", help="of the names that --tests gives")
+    ap.add_argument("--suffix", default="", help="of the files' names")
     ap.add_argument("--output", required=True)
     a = ap.parse_args()
     torch.set_num_threads(1)                                    # the order of sums, and so the bytes
     os.makedirs(a.output, exist_ok=True)
-    to = lambda name: os.path.join(a.output, name)
-    case, t, far = make_case(a.system, a.size, a.seed, a.residual and a.system == "genden")
-    model, state = case.model, {k: v.detach().float() for k, v in case.model.state_dict().items()}
-    if a.tests:
-        return for_tests(case, t, state, to(f"{a.system}_{a.size}" + ("_residual" if a.residual else "") + a.suffix))
-    meta = {"config": case.config, "seed": case.seed, "views": case.views}
-    checkpoint(to("model.ckpt"), state, dict(model.named_parameters()))
-    save(to("model.safetensors"), state, {"format": "published-model", "version": 1, **meta})
-    inputs = {"images": case.images, "c2w": case.c2w, "K": case.K, "background": torch.tensor(WHITE)}
-    if case.orders is not None:
-        inputs["orders"] = torch.tensor(case.orders)
-    save(to("inputs.safetensors"), inputs, meta)
-    stages = dict(t)
-    with torch.no_grad():
-        for name in ("coarse", "final"):
-            g = splat3d.Gaussians(*[t[f"{name}.{f}"] for f in FIELDS])
-            stages.update({f"render.{name}.{k}": v for k, v in case.draw(g).items()})
-    save(to("stages.safetensors"), stages, {**meta, "margins": json.dumps(far)})
-    save(to("gradients.safetensors"), gradients(case, t), meta)
-    if a.system == "lara":
-        scene, more = surfel_case(case.seed)
-        save(to("surfels.safetensors"), scene, {**meta, **more})
-    print(f"{a.system}, seed {case.seed}: {lara.count(model):,} parameters, {len(stages)} stage tensors, "
-          f"{len(t['final.means'])} final primitives; margins {json.dumps(far)}")
+    case, t = make_case(a.system, a.size, a.seed, a.residual and a.system == "genden")
+    write(case, t, os.path.join(a.output, f"{a.system}_{a.size}" + ("_residual" if a.residual else "") + a.suffix))
 
 
 if __name__ == "__main__":

@@ -13,17 +13,11 @@ def place(c2w, centre, edge):
     return out
 
 
-def rebase(c2w, how="rotate"):
-    """Turn the world so that the first view has identity rotation. -> (new c2w, (4,4) that did it; its
-    inverse takes the result back). "rotate" turns about the origin, so the object stays in its cube; "move"
-    (the published loaders) also puts the first camera at (0,0,-r), r its distance from the origin. The two
-    agree for a first camera that looks at the origin."""
+def rebase(c2w):
+    """Turn the world about the origin so that the first view has identity rotation; the object stays in its cube."""
     m = torch.eye(4).to(c2w)
     m[:3, :3] = c2w[0, :3, :3].T
-    if how == "move":
-        m = torch.inverse(c2w[0])
-        m[2, 3] = m[2, 3] - c2w[0, :3, 3].norm()
-    return m @ c2w, m
+    return m @ c2w
 
 
 def orbit_cameras(count, cfg, radius=1.6, fov_deg=50.0, seed=0):
