@@ -121,12 +121,8 @@ class Outputs(train_support.Case):
             self.assertIn("stdout", done.stderr)
 
 
-class Sets(support.Case):
+class Sets(support.FolderCase):
     """Several `dataset` commands write into one folder."""
-    def setUp(self):
-        self.folder = support.tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
     def solids(self, *more, views=8, size=16, count=1, to="set"):
         return ("dataset", "procedural", "--solids", "--count", count, "--views", views, "--size", size, "--output", self.path(to), *more)
 

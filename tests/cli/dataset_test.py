@@ -8,11 +8,7 @@ import support
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
-class Dataset(support.Case):
-    def setUp(self):
-        self.folder = support.tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(support.shutil.rmtree, self.folder, True)
-
+class Dataset(support.FolderCase):
     def mesh(self, *parts, text=OBJ):
         os.makedirs(os.path.dirname(self.path(*parts)), exist_ok=True)
         pathlib.Path(self.path(*parts)).write_text(text)

@@ -7,7 +7,6 @@ import re
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
 
 import support
@@ -29,10 +28,9 @@ def children_of(process):
     return [p for p in os.listdir("/proc") if p.isdigit() and state_of(p)[1] == str(process)]
 
 
-class Doctor(support.Case):
-    def setUp(self):                                                     # no model, no views
-        self.folder = tempfile.mkdtemp(prefix="vsplat-doctor-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
+class Doctor(support.FolderCase):
+    def setUp(self):
+        super().setUp()
         os.mkdir(self.path("vendors"))
 
     def doctor(self, *more, **env):

@@ -17,7 +17,7 @@ def has_pocl():
     return any(device["platform_name"] == POCL for device in json.loads(out or "[]"))
 
 
-class Pocl(support.Case):
+class Pocl(support.FolderCase):
     """Each test has its own folder of compiled kernels."""
     @classmethod
     def setUpClass(cls):
@@ -25,8 +25,7 @@ class Pocl(support.Case):
             raise support.unittest.SkipTest("there is no PoCL")
 
     def setUp(self):
-        self.folder = support.tempfile.mkdtemp(prefix="vsplat-driver-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
+        super().setUp()
         support.write_scene(self.path("scene.ply"), [((0.1 * i - 0.3, 0, 0), (i / 6, 1, 0), 0.08, 0.8) for i in range(7)])
         only = "/etc/OpenCL/vendors/pocl.icd"  # the other drivers are not loaded
         self.env = {**({"OCL_ICD_VENDORS": only} if os.path.exists(only) else {}), "POCL_CACHE_DIR": self.path("kernels"), "VSPLAT_CACHE_DIR": self.path("own"), "POCL_KERNEL_CACHE": "1", "VSPLAT_DEVICE": "Portable"}
@@ -179,11 +178,7 @@ class Pocl(support.Case):
         self.assertTrue(os.path.isdir(self.path("cache", "pocl")))
 
 
-class Environment(support.Case):
-    def setUp(self):
-        self.folder = support.tempfile.mkdtemp(prefix="vsplat-environment-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
+class Environment(support.FolderCase):
     def test_what_is_not_understood_is_refused_by_name(self):
         for name, value in (("VSPLAT_KERNELS", "fast"), ("VSPLAT_SELFTEST", "no"), ("VSPLAT_CHECK", "nans"), ("VSPLAT_ARENA", "1"),
                             ("VSPLAT_MATRIX_LEAST", "many"), ("VSPLAT_MATRIX_LEAST", "-3"), ("PMI_SIZE", "two"), ("OMPI_COMM_WORLD_SIZE", "2 "),

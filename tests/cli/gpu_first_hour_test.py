@@ -3,12 +3,10 @@ packs."""
 import json
 import os
 import pathlib
-import shutil
 import signal
 import subprocess
 import sys
 import tarfile
-import tempfile
 import time
 import unittest
 
@@ -68,14 +66,10 @@ elif command in ("reconstruct", "tune", "render", "bench"):
 """
 
 
-class Case(unittest.TestCase):
+class Case(support.FolderCase):
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vsplat-first-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
+        super().setUp()
         self.output = self.path("out")
-
-    def path(self, *parts):
-        return os.path.join(self.folder, *parts)
 
     def script(self, *arguments, script=SCRIPT, env=None, timeout=1500):
         """-> exit code, stderr"""

@@ -4,10 +4,8 @@ import hashlib
 import json
 import os
 import pathlib
-import shutil
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
@@ -75,15 +73,11 @@ else:
 """
 
 
-class Case(unittest.TestCase):
+class Case(support.FolderCase):
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vsplat-gpu-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
+        super().setUp()
         with open(self.path("micro.json"), "w") as f:
             json.dump(CONFIG, f)
-
-    def path(self, *parts):
-        return os.path.join(self.folder, *parts)
 
     def script(self, *arguments, script=SCRIPT, env=None):
         """-> exit code, stderr"""

@@ -3,7 +3,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 
 import support
 
@@ -37,11 +36,7 @@ def options_of(words):
     return found
 
 
-class Help(support.Case):
-    def setUp(self):                                                     # no model, no views
-        self.folder = tempfile.mkdtemp(prefix="vsplat-help-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
+class Help(support.FolderCase):
     def test_help_is_a_command(self):
         for words in commands():
             with self.subTest(words=words):

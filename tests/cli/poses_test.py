@@ -9,7 +9,6 @@ import signal
 import struct
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
@@ -126,11 +125,7 @@ def jpeg_with_exif(jpeg, model, focal):
     return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
 
 
-class Folder(support.Case):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vsplat-poses-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
+class Folder(support.FolderCase):
     def jpegs(self, count):
         """Pictures of 16 x 16 pixels, drawn by this command."""
         scene = self.path("scene.ply")

@@ -3,8 +3,6 @@ import json
 import os
 import pathlib
 import re
-import shutil
-import tempfile
 import time
 import unittest
 
@@ -154,12 +152,8 @@ class Profile(support.Case):
             self.assertIn(word, err)
 
 
-class Diff(unittest.TestCase):
+class Diff(support.FolderCase):
     """Of profiles made here."""
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
     def write(self, name, encoder=1.0, splat=0.5, tiny=0.001, **changes):
         wall = encoder + splat + tiny
         parts = {part: 0.0 for part in PARTS} | {"device_s": wall}

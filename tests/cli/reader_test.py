@@ -27,11 +27,7 @@ def children(pid):
     return out
 
 
-class MeshCase(support.Case):
-    def setUp(self):
-        self.folder = support.tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
+class MeshCase(support.FolderCase):
     def put(self, name, data):
         with open(self.path(name), "wb") as f:
             f.write(data if isinstance(data, bytes) else data.encode())

@@ -6,17 +6,15 @@ import re
 import shutil
 import socket
 import subprocess
-import tempfile
 
 import support
 
 USER = "alicexample"
 
 
-class Report(support.Case):
-    def setUp(self):                                                     # no model, no views
-        self.folder = tempfile.mkdtemp(prefix="vsplat-report-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
+class Report(support.FolderCase):
+    def setUp(self):
+        super().setUp()
         self.home = self.path("homes", USER)
         self.cache = os.path.join(self.home, "kept")
         os.makedirs(self.home)

@@ -79,10 +79,9 @@ class Outside(support.Case):
         self.succeeds(*self.reconstruct())
 
 
-class Meshes(support.Case):
+class Meshes(support.FolderCase):
     def setUp(self):
-        self.folder = support.tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
+        super().setUp()
         os.makedirs(self.path("mesh"))
         support.write_png(self.path("t.png"), 1, 1, [[(9, 9, 9)]])
         self.put("m.mtl", "newmtl m\nKd 1 0 0\n")

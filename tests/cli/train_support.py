@@ -9,7 +9,7 @@ import tempfile
 import support
 
 
-class Case(support.Case):
+class Case(support.FolderCase):
     @classmethod
     def setUpClass(cls):
         cls.shared = tempfile.mkdtemp(prefix="vsplat-train-")
@@ -17,10 +17,6 @@ class Case(support.Case):
         cls.solids = os.path.join(cls.shared, "solids")
         code, _, err = support.run("dataset", "procedural", "--count", 3, "--solids", "--views", 8, "--size", 16, "--seed", 5, "--output", cls.solids)
         assert code == 0, err
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
 
     def config(self, name="train.json", **fields):
         path = self.path(name)
