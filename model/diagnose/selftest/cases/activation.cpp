@@ -22,6 +22,12 @@ void activation_of(Checks& c, const std::vector<float>& x) {
     c.close("forward", out, y, 1e-6);
     activation_backward(c.ctx, {in, static_cast<Activation>(act), c.up(shape, dy), back});
     c.close("backward", back, dx, 1e-6);
+    if (!c.all) continue;
+    const Tensor there = c.up(shape, x), by = c.up(shape, dy);
+    activation_forward(c.ctx, {there, static_cast<Activation>(act), there});
+    c.equal("forward, in place", there, c.ctx.read<float>(out));
+    activation_backward(c.ctx, {in, static_cast<Activation>(act), by, by});
+    c.equal("backward, in place", by, c.ctx.read<float>(back));
   }
 }
 

@@ -35,6 +35,11 @@ void conv3d_of(Checks& c, const ConvTry& t, ConvMethod method, bool pairs = fals
     conv3d_forward(c.ctx, f);
     c.close(
         what, f.out, [&] { return want.all(); }, tolerance);
+    if (!c.all || !t.residual) return;
+    const auto got = c.ctx.read<float>(f.out);
+    f.out = f.residual;  // which may be the output
+    conv3d_forward(c.ctx, f);
+    c.equal(what, f.out, got);
   };
   forward(pack_conv3d(c.ctx, want.w.data(), or_null(want.bias), t.cout, cin, "weight", method), "forward");
   const Tensor w = c.up({t.cout, cin, 3, 3, 3}, want.w);
@@ -58,6 +63,13 @@ void conv3d_of(Checks& c, const ConvTry& t, ConvMethod method, bool pairs = fals
   for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += before[i];
   c.close("backward, dw", g.dw, sums, pairs ? kPairsWeightsTolerance : tolerance);
   c.close("backward, dbias", g.dbias, by.dbias, 1e-5);
+  if (c.all) {
+    Conv3dBackwardWeights alone = g;
+    alone.dw = c.up(g.dw.shape(), before), alone.dbias = Tensor();
+    conv3d_backward_weights(c.ctx, alone);
+    c.equal("backward, dw without dbias", alone.dw, c.ctx.read<float>(g.dw));
+  }
+  if (rows == 0) return;
   Conv3dBackwardInputs b;
   b.w = w, b.x = t.size[0], b.y = t.size[1], b.z = t.size[2], b.method = method;
   b.dy = g.dy, b.dx = c.gap({rows, cin});
@@ -78,7 +90,9 @@ void conv3d_by(Checks& c, ConvMethod method) {
                                   {{5, 9, 65}, 5, 6},
                                   {{5, 9, 65}, 65, 67},
                                   {{13, 19, 17}, 3, 5},
-                                  {{2, 3, 1100}, 2, 1}}))
+                                  {{2, 3, 1100}, 2, 1},
+                                  {{0, 3, 4}, 5, 6},
+                                  {{12, 12, 16}, 9, 10}}))
     conv3d_of(c, t, method);
   ConvTry all{{4, 3, 13}, 16, 20, 5};
   all.affine = all.silu = all.residual = true;

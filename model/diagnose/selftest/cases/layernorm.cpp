@@ -8,13 +8,17 @@
 namespace vsplat::selftest {
 namespace {
 
-void layernorm_of(Checks& c, long rows, long channels) {
+void layernorm_of(Checks& c, const std::vector<float>& x, long rows, long channels, double tolerance = 1e-5) {
   const std::size_t n = size_of(channels);
-  const auto x = random_floats(size_of(rows, channels), static_cast<std::uint32_t>(channels), -2, 3);
   const auto gamma = random_floats(n, 5, 0.5f, 1.5f), beta = random_floats(n, 4), dy = random_floats(x.size(), 6);
   const Tensor in = c.up({rows, channels}, x), out = c.gap({rows, channels});
   layernorm_forward(c.ctx, {in, c.up({channels}, gamma), c.up({channels}, beta), 1e-6f, out});
-  c.close("forward", out, ref::layernorm(x, n, gamma, beta, 1e-6), 1e-5);
+  c.close("forward", out, ref::layernorm(x, n, gamma, beta, 1e-6), tolerance);
+  if (c.all) {
+    const Tensor there = c.up({rows, channels}, x);
+    layernorm_forward(c.ctx, {there, c.up({channels}, gamma), c.up({channels}, beta), 1e-6f, there});
+    c.close("forward, in place", there, ref::layernorm(x, n, gamma, beta, 1e-6), tolerance);
+  }
   if (channels == 1) return;  // its own mean: what reaches x is rounding
   const auto want = ref::layernorm_backward(x, n, gamma, 1e-6, as_doubles(dy));
   const auto before = random_floats(x.size(), 7), some = random_floats(n, 8);
@@ -28,10 +32,22 @@ void layernorm_of(Checks& c, long rows, long channels) {
                               c.up({channels}, some),
                               add};
     layernorm_backward(c.ctx, a);
-    c.close("backward, dx", a.dx, add ? plus(want.x, before) : want.x, 1e-5);
-    c.close("backward, dgamma", a.dgamma, plus(want.gamma, some), 1e-5);
-    c.close("backward, dbeta", a.dbeta, plus(want.beta, some), 1e-5);
+    c.close("backward, dx", a.dx, add ? plus(want.x, before) : want.x, tolerance);
+    c.close("backward, dgamma", a.dgamma, plus(want.gamma, some), tolerance);
+    c.close("backward, dbeta", a.dbeta, plus(want.beta, some), tolerance);
   }
+  if (!c.all || rows == 0) return;
+  // Without weights: as with ones and zeros.
+  const std::vector<float> ones(n, 1.0f), zeros(n, 0.0f);
+  const Tensor plain = c.gap({rows, channels}), dx = c.gap({rows, channels});
+  layernorm_forward(c.ctx, {in, {}, {}, 1e-5f, plain});
+  c.close("forward, without weights", plain, ref::layernorm(x, n, ones, zeros, 1e-5), tolerance);
+  layernorm_backward(c.ctx, {in, {}, 1e-5f, c.up({rows, channels}, dy), dx, {}, {}});
+  c.close("backward, without weights", dx, ref::layernorm_backward(x, n, ones, 1e-5, as_doubles(dy)).x, tolerance);
+}
+
+void layernorm_of(Checks& c, long rows, long channels) {
+  layernorm_of(c, random_floats(size_of(rows, channels), static_cast<std::uint32_t>(channels), -2, 3), rows, channels);
 }
 
 void modulation_of(Checks& c, long v, long p, long channels) {
@@ -88,6 +104,13 @@ void layernorm_all(Checks& c) {
     for (const long rows : {1L, 3L, 63L, 64L, 65L}) layernorm_of(c, rows, channels);
   for (const long rows : {1L, 3L, 67L}) layernorm_of(c, rows, 1);
   layernorm_of(c, 9001, 5);  // more rows than sums of sums take in two steps
+  // Values far from zero with a small deviation: float32 itself keeps them to 3 * 6e-8 / 0.01 of the deviation. And a
+  // deviation as small as eps, which shows.
+  auto far = random_floats(5 * 96, 7, -0.01f, 0.01f);
+  for (float& v : far) v += 3;
+  layernorm_of(c, far, 5, 96, 1e-4);
+  layernorm_of(c, random_floats(4 * 40, 8, -1e-3f, 1e-3f), 4, 40);
+  layernorm_of(c, 0, 4);
   modulation_of(c, 2, 9, 24);
 }
 

@@ -12,15 +12,8 @@ struct ScatterTry {
   float scale = 1, low = -1;  // `low`: the least number of d, the largest being 1
 };
 
-// Indices from -1 on, so that some entries are passed over; every fifth weight is 0. A weight of 0 keeps whatever its
-// entry's row of d holds from the result, so those that nothing else reads are NaN.
-void scatter_rows_of(Checks& c, const ScatterTry& t) {
-  std::vector<int> index(size_of(t.entries));
-  std::mt19937 engine(5);
-  for (int& i : index) i = static_cast<int>(engine() % static_cast<unsigned>(t.rows + 1)) - 1;
-  if (t.entries > 0) index[0] = 0;
-  auto weight = random_floats(index.size(), 6, -1.0f, 2.0f);
-  for (std::size_t e = 4; e < weight.size(); e += 5) weight[e] = 0;
+// A weight of 0 keeps whatever its entry's row of d holds from the result, so those that nothing else reads are NaN.
+void scatter_rows_of(Checks& c, const ScatterTry& t, const std::vector<int>& index, const std::vector<float>& weight) {
   const long used = t.first + (t.entries + t.per_row - 1) / t.per_row;
   auto d = random_floats(size_of(used + 2, t.channels), 7, t.low);
   const auto before = random_floats(size_of(t.rows, t.channels), 8);
@@ -36,6 +29,17 @@ void scatter_rows_of(Checks& c, const ScatterTry& t) {
     scatter_rows(c.ctx, {&plan, rows, t.first, t.per_row, t.scale, out});
     c.close("sums", out, want, 1e-6);
   }
+}
+
+// Indices from -1 on, so that some entries are passed over; every fifth weight is 0.
+void scatter_rows_of(Checks& c, const ScatterTry& t) {
+  std::vector<int> index(size_of(t.entries));
+  std::mt19937 engine(5);
+  for (int& i : index) i = static_cast<int>(engine() % static_cast<unsigned>(t.rows + 1)) - 1;
+  if (t.entries > 0) index[0] = 0;
+  auto weight = random_floats(index.size(), 6, -1.0f, 2.0f);
+  for (std::size_t e = 4; e < weight.size(); e += 5) weight[e] = 0;
+  scatter_rows_of(c, t, index, weight);
 }
 
 void scatter_rows_all(Checks& c) {
@@ -56,6 +60,14 @@ void scatter_rows_all(Checks& c) {
     scatter_rows_of(c, {entries, 5, 6, 1});
   for (const long rows : {1L, 2L, 3L, 255L, 256L, 257L, 5000L}) scatter_rows_of(c, {997, rows, 3, 1});
   for (const long per_row : {2L, 4L, 12L, 16L, 60L}) scatter_rows_of(c, {240, 11, 18, per_row});
+  // Windows of 64 sorted entries: runs that begin or end with one, span several, and are empty between.
+  std::vector<int> index;
+  int row = 0;
+  for (const std::size_t length : {64, 64, 0, 1, 63, 128, 0, 65, 1, 126, 200, 3, 256, 1})
+    index.insert(index.end(), length, row++);
+  for (const long channels : {1L, 4L, 19L})
+    scatter_rows_of(c, {static_cast<long>(index.size()), row, channels, 1}, index,
+                    random_floats(index.size(), 6, 0.5f, 2.0f));
 }
 
 }  // namespace

@@ -75,6 +75,7 @@ void sparse_conv_all(Checks& c) {
                                         {4, 0.4f, 6, 17, 8, 3},
                                         {1, 1.0f, 5, 0, 6, 3, false},
                                         {2, 1.0f, 5, 0, 6, 3, false},
+                                        {4, 1.0f, 9, 0, 10, 3, false},
                                         {7, 0.3f, 5, 0, 6, 3, false}}))
     sparse_conv_of(c, t);
   if (!c.all) return;

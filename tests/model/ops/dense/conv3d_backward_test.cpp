@@ -57,34 +57,6 @@ TEST_P(Conv3dWeights, ProfilesTellTheDirectOperationsAndThosePerformed) {
   EXPECT_DOUBLE_EQ(row.performed_flops, row.flops / (GetParam().method == ConvMethod::winograd ? 4 : 1));
 }
 
-// What is there stays; a bias is not needed; the same bits each time.
-TEST_P(Conv3dWeights, AddsAndRepeats) {
-  const ref::ConvCase c = make_conv_case({{12, 12, 16}, 9, 10});
-  const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * 10), 74);
-  Conv3dBackwardWeights g = upload(ctx(), c, dy);
-  conv3d_backward_weights(ctx(), g);
-  const std::vector<float> once = ctx().read<float>(g.dw), bias = ctx().read<float>(g.dbias);
-  conv3d_backward_weights(ctx(), g);
-  std::vector<float> twice = once;
-  for (float& v : twice) v += v;
-  EXPECT_EQ(ctx().read<float>(g.dw), twice);
-  g = upload(ctx(), c, dy);
-  const Tensor untouched = g.dbias;
-  g.dbias = Tensor();
-  conv3d_backward_weights(ctx(), g);
-  EXPECT_EQ(ctx().read<float>(g.dw), once);
-  EXPECT_EQ(ctx().read<float>(untouched), zeros(10));
-  EXPECT_NE(bias, zeros(10));
-}
-
-TEST_P(Conv3dWeights, EmptyAddsNothing) {
-  const ref::ConvCase c = make_conv_case({{0, 3, 4}, 5, 6});
-  const Conv3dBackwardWeights g = upload(ctx(), c, {});
-  conv3d_backward_weights(ctx(), g);
-  EXPECT_EQ(ctx().read<float>(g.dw), zeros(c.w.size()));
-  EXPECT_EQ(ctx().read<float>(g.dbias), zeros(6));
-}
-
 TEST_P(Conv3dWeights, PlanTakesTheSameMemory) {
   const ref::ConvCase c = make_conv_case({{12, 12, 16}, 13, 6});
   const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * 6), 75);

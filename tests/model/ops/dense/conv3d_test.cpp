@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "model/ops/volume/sparse_conv.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
 #include "tests/support/counted.h"
@@ -73,50 +72,6 @@ TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
 TEST_P(Conv3dTest, RejectsWeightsOfAnotherShape) {
   for (const Shape& shape : {Shape{4, 5, 27}, Shape{4, 5, 3, 3, 2}, Shape{4, 5, 2, 2, 2}})
     EXPECT_THROW(pack_conv3d(ctx(), ctx().tensor(shape), Tensor(), "weight", GetParam().method), Error);
-}
-
-TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
-  ConvTry t{{3, 4, 13}, 5, 33};
-  t.residual = true;
-  const ref::ConvCase c = make_conv_case(t);
-  const auto d = upload(ctx(), c);
-  d->c.out = d->c.residual;
-  conv3d_forward(ctx(), d->c);
-  EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
-}
-
-TEST_P(Conv3dTest, EmptyIsNothing) {
-  const ref::ConvCase c = make_conv_case({{0, 3, 4}, 5, 6});
-  const auto d = upload(ctx(), c);
-  conv3d_forward(ctx(), d->c);
-  EXPECT_EQ(ctx().read<float>(d->c.out).size(), 0u);
-}
-
-// A submanifold convolution over all voxels of a volume is the dense one.
-TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
-  const ref::ConvCase c = make_conv_case({{3, 4, 5}, 9, 10});
-  const long voxels = c.in.rows, cin = c.in.c0;
-  std::vector<float> w(c.w.size());
-  for (long n = 0; n < c.cout; ++n)
-    for (long tap = 0; tap < 27; ++tap)
-      for (long ch = 0; ch < cin; ++ch)
-        w[static_cast<std::size_t>((n * 27 + tap) * cin + ch)] =
-            c.w[static_cast<std::size_t>((n * cin + ch) * 27 + tap)];
-  std::vector<int> map;
-  for (long v = 0; v < voxels; ++v)
-    for (long tap = 0; tap < 27; ++tap) {
-      const long x = v / 20 + tap / 9 - 1, y = v / 5 % 4 + tap / 3 % 3 - 1, z = v % 5 + tap % 3 - 1;
-      const bool inside = x >= 0 && x < 3 && y >= 0 && y < 4 && z >= 0 && z < 5;
-      map.push_back(inside ? static_cast<int>((x * 4 + y) * 5 + z) : static_cast<int>(voxels));
-    }
-  const ConvWeights weights = pack_submanifold(ctx(), w.data(), c.bias.data(), c.cout, 27, cin, "weight");
-  SubmanifoldForward g;
-  g.in = upload_rows(ctx(), c.in);
-  g.in.map = ctx().upload({voxels, 27}, map, Type::i32);
-  g.weights = &weights;
-  g.out = ctx().tensor({voxels, c.cout});
-  submanifold_forward(ctx(), g);
-  EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), tolerance()));
 }
 
 // Winograd's method performs a quarter of the operations if its tiles of 4 x 4 lines fill the volume.

@@ -29,13 +29,10 @@ TEST_P(PatchEmbed, RejectsBadShape) {
 TEST(PatchEmbedReference, GradientsAreThoseOfDifferences) {
   const ref::PatchSizes z{2, 4, 6, 2, 3};
   const std::size_t c = 3;
-  const auto doubles = [](const std::vector<float>& values) {
-    return std::vector<double>(values.begin(), values.end());
-  };
   const auto images = test::random_floats(z.v * z.height * z.width * 3, 1, 0, 1);
-  auto weight = doubles(test::random_floats(c * 3 * z.p * z.p, 2)), bias = doubles(test::random_floats(c, 3));
-  auto position = doubles(test::random_floats(z.rows() * c, 4));
-  const auto dtokens = doubles(test::random_floats(z.v * z.tokens() * c, 5));
+  auto weight = test::random_doubles(c * 3 * z.p * z.p, 2), bias = test::random_doubles(c, 3),
+       position = test::random_doubles(z.rows() * c, 4);
+  const auto dtokens = test::random_doubles(z.v * z.tokens() * c, 5);
   const auto slopes = [&](std::vector<double>& of) {
     return ref::linear_differences(
         of, [&] { return ref::weighed(ref::patch_embed(images, z, weight, bias, position), dtokens); });

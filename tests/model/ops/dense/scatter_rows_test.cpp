@@ -1,7 +1,5 @@
 #include "model/ops/dense/scatter_rows.h"
 
-#include "model/diagnose/selftest/reference/scatter_rows.h"
-#include "tests/support/compare.h"
 #include "tests/support/operation.h"
 
 namespace vsplat {
@@ -10,27 +8,6 @@ namespace {
 class ScatterRowsOp : public test::FlavourTest {};
 VSPLAT_FLAVOURS(ScatterRowsOp);
 VSPLAT_OPERATION(ScatterRowsOp, scatter_rows)
-
-// Windows of 64 sorted entries: runs that begin or end with one, span several, and are empty between.
-TEST_P(ScatterRowsOp, RunsAgainstWindows) {
-  for (const long channels : {1L, 4L, 19L}) {
-    std::vector<int> index;
-    int row = 0;
-    for (const int length : {64, 64, 0, 1, 63, 128, 0, 65, 1, 126, 200, 3, 256, 1}) {
-      index.insert(index.end(), static_cast<std::size_t>(length), row++);
-    }
-    const auto c = static_cast<std::size_t>(channels), rows = static_cast<std::size_t>(row);
-    const long entries = static_cast<long>(index.size());
-    const auto weight = test::random_floats(index.size(), 6, 0.5f, 2.0f), d = test::random_floats(index.size() * c, 7);
-    std::vector<double> want(rows * c, 0);
-    ref::scatter_rows(index, weight, d, c, 0, 1, 1, want);
-    const ScatterPlan plan =
-        make_scatter_plan(ctx(), ctx().upload({entries}, index, Type::i32), ctx().upload({entries}, weight), row);
-    const Tensor out = ctx().upload({row, channels}, std::vector<float>(rows * c, 0.0f));
-    scatter_rows(ctx(), {&plan, ctx().upload({entries, channels}, d), 0, 1, 1, out});
-    EXPECT_TRUE(test::close(ctx().read<float>(out), want, 1e-6)) << channels;
-  }
-}
 
 // Sums of float32 depend on their order, and here only the order by entry gives 1.
 TEST_P(ScatterRowsOp, EntriesOfARowAreSummedInTheirOrder) {
