@@ -2,8 +2,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/inputs/products.h"
 #include "model/diagnose/selftest/reference/differences.h"
-#include "model/diagnose/selftest/reference/gemm.h"
 #include "runtime/column_sum.h"
 #include "runtime/gemm.h"
 #include "tests/support/compare.h"
@@ -16,29 +16,7 @@ using test::random_floats;
 
 std::size_t elements(long a, long b) { return static_cast<std::size_t>(a * b); }
 
-constexpr double kProductTolerance = 1e-5;  // as in gemm_test.cpp
-
-class GemmBackward : public test::FlavourTest {
- protected:
-  void expect_product(long rows, long m, long n, float low = -1, double tolerance = kProductTolerance) {
-    SCOPED_TRACE(fmt::format("{} rows, {} x {}", rows, m, n));
-    const auto a = random_floats(elements(rows, m), 1, low), b = random_floats(elements(rows, n), 2, low);
-    const auto before = random_floats(elements(m, n), 3);
-    auto want = ref::transposed_product(a, b, static_cast<std::size_t>(rows), static_cast<std::size_t>(m),
-                                        static_cast<std::size_t>(n));
-    TransposedGemm g;
-    g.a = ctx().upload({rows, m}, a);
-    g.b = ctx().upload({rows, n}, b);
-    g.out = ctx().upload({m, n}, test::nans(elements(m, n)));
-    transposed_gemm(ctx(), g);
-    EXPECT_TRUE(test::close(ctx().read<float>(g.out), want, tolerance));
-    ctx().write(g.out, before.data());
-    g.add = true;
-    transposed_gemm(ctx(), g);
-    for (std::size_t i = 0; i < want.size(); ++i) want[i] += before[i];
-    EXPECT_TRUE(test::close(ctx().read<float>(g.out), want, tolerance)) << "added";
-  }
-};
+class GemmBackward : public test::FlavourTest {};
 VSPLAT_FLAVOURS(GemmBackward);
 
 // The device packs the same bits as the host, for either order of strides.
@@ -87,30 +65,10 @@ TEST_P(GemmBackward, ThePlainCopyIsPackedToo) {
   }
 }
 
-TEST_P(GemmBackward, ProductsOverRowsMatchReferenceAtEverySizeThatBreaksThings) {
-  for (const long rows : {1L, 3L, 17L, 65L})
-    for (const long m : {1L, 7L, 11L, 12L, 13L, 65L})
-      for (const long n : {1L, 7L, 31L, 32L, 33L, 65L, 66L}) expect_product(rows, m, n);
-  for (const long rows : {1023L, 1024L, 1025L, 3001L}) expect_product(rows, 13, 35);
-  expect_product(1300, 130, 133);
-}
-
-// With many columns, memory suffices for only one or two sums at a time.
-TEST_P(GemmBackward, SumsAreMadeInSeveralRounds) {
-  expect_product(5000, 2800, 3);
-  expect_product(2500, 4500, 2);
-}
-
-// All voxels of a 64^3 grid with the same sign, so that rounding errors grow with the number of terms.
-TEST_P(GemmBackward, LongSumsKeepTheirDigits) { expect_product(262144, 5, 9, 0.0f, 2e-6); }
-
 // A Linear's three gradients against differences of its loss, which are exact, since the loss is linear in each.
 TEST_P(GemmBackward, LinearGradientsAreThoseOfDifferences) {
   const long m = 5, n = 6, k = 7;
-  ref::GemmCase c;
-  c.m = c.a.rows = m, c.n = n, c.k = c.a.c0 = k;
-  c.a.x0 = random_floats(elements(m, k), 1), c.w = random_floats(elements(n, k), 2),
-  c.bias = random_floats(elements(n, 1), 3);
+  ref::GemmCase c = selftest::gemm_case({m, n, k, 0, false, 0, 0, true});
   const auto dy = random_floats(elements(m, n), 4);
   const auto differences = [&](std::vector<float>& v) {
     return ref::linear_differences(v, [&] { return ref::weighed(c.all(), dy); });
@@ -138,15 +96,6 @@ TEST_P(GemmBackward, LeadingDimensionsAreRowsAndNoneGiveZero) {
   EXPECT_EQ(ctx().read<float>(out)[0], 31);
   transposed_gemm(ctx(), {ctx().tensor({0, 1}), ctx().tensor({0, 1}), out});
   EXPECT_EQ(ctx().read<float>(out)[0], 0);
-}
-
-TEST_P(GemmBackward, SameBitsTwice) {
-  const Tensor a = ctx().upload({5000, 33}, random_floats(elements(5000, 33), 1));
-  const Tensor b = ctx().upload({5000, 40}, random_floats(elements(5000, 40), 2)), out = ctx().tensor({33, 40});
-  transposed_gemm(ctx(), {a, b, out});
-  const auto first = ctx().read<float>(out);
-  transposed_gemm(ctx(), {a, b, out});
-  EXPECT_EQ(ctx().read<float>(out), first);
 }
 
 TEST_P(GemmBackward, PlanTakesTheSameMemory) {

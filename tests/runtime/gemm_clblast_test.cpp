@@ -1,8 +1,9 @@
 // The same products with CLBlast, which takes ten seconds to compile on a CPU.
 #include <gtest/gtest.h>
 
-#include "model/diagnose/selftest/reference/gemm.h"
-#include "runtime/gemm.h"
+#include <array>
+
+#include "model/diagnose/selftest/inputs/products.h"
 #include "runtime/profile/profile_text.h"
 #include "runtime/profile/profiler.h"
 #include "tests/support/compare.h"
@@ -11,6 +12,8 @@
 namespace vsplat {
 namespace {
 
+using selftest::gemm_case;
+using selftest::upload_product;
 using test::random_floats;
 
 class GemmClblastTest : public ::testing::TestWithParam<Flavour> {
@@ -25,46 +28,20 @@ class GemmClblastTest : public ::testing::TestWithParam<Flavour> {
   }
 };
 
-struct Product {
-  ref::GemmCase c;
-  PackedMatrix b;
-  Gemm g;
-};
-
-Product make(Context& ctx, long m, long n, long k, Activation act, bool residual) {
-  const auto count = [](long a, long b) { return static_cast<std::size_t>(a * b); };
-  Product r;
-  r.c.m = r.c.a.rows = m, r.c.n = n, r.c.k = r.c.a.c0 = k, r.c.act = static_cast<int>(act);
-  r.c.a.x0 = random_floats(count(m, k), 1);
-  r.c.w = random_floats(count(n, k), 2);
-  r.c.bias = random_floats(count(n, 1), 3);
-  if (residual) r.c.residual = random_floats(count(m, n), 4);
-  r.b = pack_matrix(ctx, r.c.w.data(), k, n, 1, k, "weight");
-  r.g.a.x0 = ctx.upload({m, k}, r.c.a.x0);
-  r.g.bias = ctx.upload({n}, r.c.bias);
-  if (residual) r.g.residual = ctx.upload({m, n}, r.c.residual);
-  r.g.activation = act;
-  r.g.out = ctx.upload({m, n}, test::nans(count(m, n)));
-  r.g.name = "through_clblast";
-  return r;
-}
-
 TEST_P(GemmClblastTest, MatchesReference) {
   Context& c = ctx(GetParam());
   c.profiler().enable(true);
-  struct Size {
-    long m, n, k;
-  };
-  for (const Size& size : {Size{5, 7, 3}, {33, 65, 40}, {300, 130, 257}, {513, 500, 490}})
+  for (const auto& [m, n, k] : {std::array<long, 3>{5, 7, 3}, {33, 65, 40}, {300, 130, 257}, {513, 500, 490}})
     for (const bool residual : {false, true}) {
-      Product r = make(c, size.m, size.n, size.k, residual ? Activation::gelu : Activation::none, residual);
-      r.g.b = &r.b;
-      gemm(c, r.g);
-      EXPECT_TRUE(test::close(c.read<float>(r.g.out), r.c.all(), 1e-5));
+      const ref::GemmCase want = gemm_case({m, n, k, 0, false, 0, residual ? 1 : 0, true, residual});
+      const auto d = upload_product(c, want);
+      d->g.name = "through_clblast";
+      gemm(c, d->g);
+      EXPECT_TRUE(test::close(c.read<float>(d->g.out), want.all(), 1e-5));
       if (!residual) continue;
-      r.g.out = r.g.residual;  // the residual may be the output
-      gemm(c, r.g);
-      EXPECT_TRUE(test::close(c.read<float>(r.g.out), r.c.all(), 1e-5));
+      d->g.out = d->g.residual;  // the residual may be the output
+      gemm(c, d->g);
+      EXPECT_TRUE(test::close(c.read<float>(d->g.out), want.all(), 1e-5));
     }
   c.finish();
   bool found = false;
@@ -74,16 +51,16 @@ TEST_P(GemmClblastTest, MatchesReference) {
 
 TEST_P(GemmClblastTest, RowRangeTouchesOnlyItsRows) {
   Context& c = ctx(GetParam());
-  Product r = make(c, 40, 33, 20, Activation::silu, true);
-  r.g.b = &r.b;
+  const ref::GemmCase all = gemm_case({40, 33, 20, 0, false, 0, 2, true, true});
+  const auto d = upload_product(c, all);
   const auto before = random_floats(40 * 33, 9);
-  c.write(r.g.out, before.data());
-  r.g.row0 = 7, r.g.rows = 14;
-  gemm(c, r.g);
-  const auto want = r.c.all();
+  c.write(d->g.out, before.data());
+  d->g.row0 = 7, d->g.rows = 14;
+  gemm(c, d->g);
+  const auto want = all.all();
   std::vector<double> expected(before.begin(), before.end());
   for (std::size_t i = 7 * 33; i < 21 * 33; ++i) expected[i] = want[i];
-  EXPECT_TRUE(test::close(c.read<float>(r.g.out), expected, 1e-5));
+  EXPECT_TRUE(test::close(c.read<float>(d->g.out), expected, 1e-5));
 }
 
 TEST_P(GemmClblastTest, PlanTakesTheSameMemory) {
@@ -94,10 +71,9 @@ TEST_P(GemmClblastTest, PlanTakesTheSameMemory) {
   c.memory().reset_peak();
   plan->memory().reset_peak();
   for (Context* at : {plan.get(), &c}) {
-    Product r = make(*at, 513, 500, 490, Activation::gelu, true);
-    r.g.b = &r.b;
-    r.g.out = r.g.residual;
-    gemm(*at, r.g);
+    const auto d = upload_product(*at, gemm_case({513, 500, 490, 0, false, 0, 1, true, true}));
+    d->g.out = d->g.residual;
+    gemm(*at, d->g);
   }
   c.finish();  // the driver may still be compiling at exit
   EXPECT_EQ(c.memory().peak_live(), plan->memory().peak_live());

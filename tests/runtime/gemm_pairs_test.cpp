@@ -2,17 +2,13 @@
 // for small integers, and within the error of rounded operands and float sums for other numbers.
 #include "runtime/gemm_pairs.h"
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstring>
-
 #include "model/diagnose/selftest/cases/cases.h"
-#include "runtime/bfloat16.h"
 #include "runtime/tuning/matrix_probe.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
+#include "tests/support/rounded_products.h"
 #include "tests/support/variable.h"
 
 namespace vsplat {
@@ -51,6 +47,9 @@ class GemmPairs : public ::testing::TestWithParam<MatrixUnit> {
     if (GetParam() != MatrixUnit::emulated && !has_instructions()) GTEST_SKIP() << "no such instructions";
     ctx_ = open(GetParam());
   }
+  test::Product product_here() {
+    return [this](long m, long n, long k, const auto& a, const auto& w) { return product(*ctx_, m, n, k, a, w); };
+  }
   std::unique_ptr<Context> ctx_;
 };
 
@@ -67,48 +66,12 @@ TEST_P(GemmPairs, AreRightInEveryCase) {
     }
 }
 
-// |sum of rounded products - sum of products| <= (2 u + u^2) times the sum of the products' magnitudes, u = 2^-8.
-// Summing K products in floats adds at most K 2^-23 of that.
 TEST_P(GemmPairs, AreWithinTheBound) {
-  for (const auto& [m, n, k] :
-       {std::array<long, 3>{1, 1, 1}, {3, 7, 1009}, {11, 31, 15}, {13, 33, 17}, {25, 65, 513}}) {
-    const auto a = random_floats(numbers(m, k), 3), w = random_floats(numbers(n, k), 4);
-    const auto got = product(*ctx_, m, n, k, a, w);
-    const double u = 0x1p-8, slack = static_cast<double>(k) * 0x1p-23;
-    double error = 0;
-    for (long i = 0; i < m; ++i)
-      for (long j = 0; j < n; ++j) {
-        double exact = 0, close = 0, sizes = 0;
-        for (long t = 0; t < k; ++t) {
-          const float x = a[numbers(i, k) + numbers(t, 1)], y = w[numbers(j, k) + numbers(t, 1)];
-          const double rounded = static_cast<double>(from_bfloat16(to_bfloat16(x))) * from_bfloat16(to_bfloat16(y));
-          exact += static_cast<double>(x) * y, close += rounded, sizes += std::abs(rounded);
-        }
-        const double is = got[numbers(i, n) + numbers(j, 1)];
-        EXPECT_LE(std::abs(is - close), slack * sizes) << m << " x " << n << " x " << k;
-        EXPECT_LE(std::abs(is - exact), (2 * u + u * u + 2 * slack) * sizes) << m << " x " << n << " x " << k;
-        error = std::max(error, std::abs(is - exact));
-      }
-    EXPECT_GT(error, 0) << "nothing was rounded";
-  }
+  test::expect_within_the_bound(8, {{1, 1, 1}, {3, 7, 1009}, {11, 31, 15}, {13, 33, 17}, {25, 65, 513}},
+                                product_here());
 }
 
-// One term, and one column of 1: the result is the operand.
-TEST_P(GemmPairs, RoundOperandsToNearestEven) {
-  std::vector<float> x = {0.0f, -0.0f, 1.0f, -1.0f, 3.14159265f, -2.7182818f, 1e-30f, 65504.0f, INFINITY, -INFINITY};
-  for (std::uint32_t i = 0; i < 64; ++i)  // ties, and their neighbours
-    for (const std::uint32_t off : {0xffffffffu, 0u, 1u}) {
-      const float value = std::bit_cast<float>((127u << 23) + ((2 * i + 1) << 15) + off);
-      x.push_back(value), x.push_back(-value);
-    }
-  const auto more = random_floats(500, 5, -100, 100);
-  x.insert(x.end(), more.begin(), more.end());
-  const auto got = product(*ctx_, static_cast<long>(x.size()), 1, 1, x, {1.0f});
-  for (std::size_t i = 0; i < x.size(); ++i)
-    EXPECT_EQ(got[i], from_bfloat16(to_bfloat16(x[i]))) << fmt::format("{:a}", x[i]);
-  for (const std::uint32_t bits : {0x7f800001u, 0x7fc00000u, 0xff80ffffu})  // whose set bits may all be dropped
-    EXPECT_TRUE(std::isnan(product(*ctx_, 1, 1, 1, {std::bit_cast<float>(bits)}, {1.0f})[0]));
-}
+TEST_P(GemmPairs, RoundOperandsToNearestEven) { test::expect_rounding_to_nearest_even(8, product_here()); }
 
 TEST_P(GemmPairs, GiveTheSameBitsEachTime) {
   const auto a = random_floats(numbers(70, 301), 1), w = random_floats(numbers(97, 301), 2);
