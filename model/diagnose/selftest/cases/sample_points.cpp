@@ -16,7 +16,7 @@ void sample_points_all(Checks& c) {
   };
   for (const Try& t :
        c.some({Try{1, 1, 1, true, 0.5f}, {2, 7, 17, true, 0.5f}, {3, 8, 31, false, 0.5f}, {3, 5, 65, true, 1.2f}},
-              {{4, 5, 65, true, 0.4f}, {3, 5, 150, true, 1.2f}})) {
+              {{4, 5, 65, true, 0.4f}, {3, 5, 150, true, 1.2f}, {2, 3, 0, true, 1}})) {
     ref::SamplePointsCase want;
     want.size = t.size, want.half_pixel = t.half_pixel, want.cameras = orbit(t.views, static_cast<int>(t.size));
     const long v = t.views;

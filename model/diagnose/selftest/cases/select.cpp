@@ -48,7 +48,7 @@ void select_all(Checks& c) {
         select_backward(c.ctx, in_place);
         c.close("backward, dopacities, in place", in_place.drefined, by_opacity, 1e-6);
       }
-  const long n = 2001;
+  const long n = c.all ? 20001 : 2001;
   const std::uint64_t seed = 0x123456789abcdefULL;
   const Tensor noise = c.gap({n});
   logistic_noise(c.ctx, noise, seed, 7, 3);

@@ -16,6 +16,7 @@ void space_curve_all(Checks& c) {
     auto points = random_floats(size_of(3 * n), 4, 0, 1);
     for (float& v : points) v = (std::floor(v * 40) + 0.25f + 0.5f * (v * 40 - std::floor(v * 40))) / 64;
     for (std::size_t i = 0; i < 3; ++i) points[i] = 0;
+    for (float& v : points) v -= 0.6f;
     const GridCells got = grid_cells(c.ctx, c.up({n, 3}, points), 1.0 / 64);
     std::vector<int> want;
     int largest = 1;

@@ -57,6 +57,11 @@ void sparse_conv_of(Checks& c, const SparseConvTry& t) {
   c.close("backward, dw", b.dw, plus(by.dw, dw), 1e-5);
   c.close("backward, dbias", b.dbias, plus(by.dbias, dbias), 1e-5);
   if (!c.all) return;
+  SubmanifoldBackward alone = b;
+  alone.dx = {}, alone.dw = c.up(w.shape(), dw), alone.dbias = c.up({t.cout}, dbias);
+  submanifold_backward(c.ctx, alone);
+  c.equal("backward, dw without dx", alone.dw, c.ctx.read<float>(b.dw));
+  c.equal("backward, dbias without dx", alone.dbias, c.ctx.read<float>(b.dbias));
   const auto dx = random_floats(by.dx.size(), 11);
   b.dx = c.up(b.dx.shape(), dx), b.add = true;
   submanifold_backward(c.ctx, b);
@@ -83,6 +88,7 @@ void sparse_conv_all(Checks& c) {
     for (const long cout : {1L, 11L, 12L, 13L, 33L}) sparse_conv_of(c, {3, 0.6f, cin, 0, cout, 3, false});
   // More rows than are gathered at a time: the cpu flavour's 1024, and 4096 of the gpu flavour's where they are wide.
   sparse_conv_of(c, {11, 0.9f, 40, 0, 3, 3, false});
+  sparse_conv_of(c, {11, 0.9f, 40, 0, 5, 3});
   sparse_conv_of(c, {17, 0.9f, 140, 0, 1, 3, false});
 }
 
