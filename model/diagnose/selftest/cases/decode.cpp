@@ -3,14 +3,11 @@
 #include <array>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/gaussian_lists.h"
 #include "model/ops/networks/decode.h"
 
 namespace vsplat::selftest {
 namespace {
-
-DeviceGaussians gap_gaussians(Checks& c, long n, long s, long scales = 3) {
-  return {c.gap({n, 3}), c.gap({n, scales}), c.gap({n, 4}), c.gap({n}), c.gap({n, s, 3})};
-}
 
 void check_gaussians(Checks& c, const DeviceGaussians& got, const ref::GaussianLists& want) {
   c.close("means", got.means, want.means, 1e-6);
@@ -18,17 +15,6 @@ void check_gaussians(Checks& c, const DeviceGaussians& got, const ref::GaussianL
   c.close("rotations", got.quats, want.quats, 1e-6);
   c.close("opacities", got.opacities, want.opacities, 1e-6);
   c.close("harmonics", got.sh, want.sh, 0);
-}
-
-// A loss that is linear in every Gaussian: its derivatives.
-ref::GaussianLists slopes(long n, long s, long scales = 3) {
-  return {random_doubles(size_of(3 * n), 51), random_doubles(size_of(scales * n), 52),
-          random_doubles(size_of(4 * n), 53), random_doubles(size_of(n), 54), random_doubles(size_of(3 * s * n), 55)};
-}
-
-GaussianGradients up_slopes(Checks& c, const ref::GaussianLists& g, long n, long s, long scales = 3) {
-  return {c.up({n, 3}, as_floats(g.means)), c.up({n, scales}, as_floats(g.scales)), c.up({n, 4}, as_floats(g.quats)),
-          c.up({n}, as_floats(g.opacities)), c.up({n, s, 3}, as_floats(g.sh))};
 }
 
 // Part by part: they are of different sizes.
@@ -65,7 +51,7 @@ void decode_coarse_all(Checks& c) {
     const long n = t.r * t.r * t.r * t.each, size = 8 + t.scales + 3 * t.s;
     const CoarseKind kind{t.each, t.reach, t.exponential};
     const auto raw = random_floats(size_of(n, size), 41, -4.0f, 4.0f);
-    const DeviceGaussians out = gap_gaussians(c, n, t.s, t.scales);
+    const DeviceGaussians out = gap_gaussians(c.ctx, n, t.s, t.scales);
     const Tensor in = c.up({t.r * t.r * t.r, t.each * size}, raw);
     decode_coarse_forward(c.ctx, {in, t.r, out, kind});
     ref::GaussianLists want;
@@ -84,7 +70,7 @@ void decode_coarse_all(Checks& c) {
     }
     check_gaussians(c, out, want);
     const Tensor draw = c.gap(in.shape());
-    decode_coarse_backward(c.ctx, {in, t.r, up_slopes(c, d, n, t.s, t.scales), draw, kind});
+    decode_coarse_backward(c.ctx, {in, t.r, up_slopes(c.ctx, d, n, t.s, t.scales), draw, kind});
     check_raw(c, draw, by, 3 * t.s, t.scales);
   }
 }
@@ -95,7 +81,7 @@ void decode_fine_all(Checks& c) {
     const auto raw = random_floats(size_of(n, size), 42, -4.0f, 4.0f), means = random_floats(size_of(3 * p), 45),
                offsets = random_floats(size_of(3 * m), 44, -0.04f, 0.04f), before = random_floats(size_of(3 * p), 46);
     const Tensor in = c.up({p, m * size}, raw), draw = c.gap({p, m * size}), dcentres = c.up({p, 3}, before);
-    const DeviceGaussians out = gap_gaussians(c, n, s);
+    const DeviceGaussians out = gap_gaussians(c.ctx, n, s);
     decode_fine_forward(c.ctx, {in, c.up({p, 3}, means), c.up({m, 3}, offsets), r, out});
     const ref::GaussianLists d = slopes(n, s);
     ref::GaussianLists want;
@@ -112,7 +98,7 @@ void decode_fine_all(Checks& c) {
       ref::decode_backward(row, 1.0 / 48, 1.0 / 6, 3 * s, d, size_of(k), by);
     }
     check_gaussians(c, out, want);
-    decode_fine_backward(c.ctx, {in, r, up_slopes(c, d, n, s), draw, dcentres});
+    decode_fine_backward(c.ctx, {in, r, up_slopes(c.ctx, d, n, s), draw, dcentres});
     check_raw(c, draw, by, 3 * s, 3);
     c.close("backward, dcentres", dcentres, by_centres, 1e-6);
   }
@@ -124,7 +110,7 @@ void decode_points_all(Checks& c) {
     const double unit = 0.02;
     const auto raw = random_floats(size_of(p, size), 61, -4.0f, 4.0f), points = random_floats(size_of(3 * p), 62);
     const Tensor in = c.up({p, size}, raw), draw = c.gap({p, size}), dpoints = c.gap({p, 3});
-    const DeviceGaussians out = gap_gaussians(c, p, s);
+    const DeviceGaussians out = gap_gaussians(c.ctx, p, s);
     decode_points_forward(c.ctx, {in, c.up({p, 3}, points), unit, 0, out});
     const ref::GaussianLists d = slopes(p, s);
     ref::GaussianLists want;
@@ -141,7 +127,7 @@ void decode_points_all(Checks& c) {
     }
     check_gaussians(c, out, want);
     if (c.all) c.close("means, to the bit", out.means, want.means, 0);
-    decode_points_backward(c.ctx, {in, unit, 0, up_slopes(c, d, p, s), draw, dpoints});
+    decode_points_backward(c.ctx, {in, unit, 0, up_slopes(c.ctx, d, p, s), draw, dpoints});
     check_raw(c, draw, by, 3 * s, 3, false);
     c.close("backward, dpoints", dpoints, d.means, c.within(1e-6, 0));
   }
@@ -159,7 +145,7 @@ void decode_adjusted_all(Checks& c) {
     const DeviceGaussians skeleton{up_random({p, 3}, 3, 45, means), up_random({p, 3}, 3, 46, scales),
                                    up_random({p, 4}, 4, 47, quats), up_random({p}, 1, 48, opacities),
                                    up_random({p, s, 3}, sh, 49, harmonics)};
-    const DeviceGaussians out = gap_gaussians(c, p, s);
+    const DeviceGaussians out = gap_gaussians(c.ctx, p, s);
     const Tensor in = c.up({p, 3 * s + 1}, update), draw = c.gap(in.shape());
     decode_adjusted_forward(c.ctx, {in, skeleton, 0, out});
     const ref::GaussianLists d = slopes(p, s);
@@ -178,7 +164,7 @@ void decode_adjusted_all(Checks& c) {
     const auto means0 = random_floats(3 * n, 61), scales0 = random_floats(3 * n, 62), quats0 = random_floats(4 * n, 63);
     const GaussianGradients to{
         c.up({p, 3}, means0), c.up({p, 3}, scales0), c.up({p, 4}, quats0), c.up({p}, opacities), {}};
-    decode_adjusted_backward(c.ctx, {in, skeleton.opacities, 0, up_slopes(c, d, p, s), draw, to});
+    decode_adjusted_backward(c.ctx, {in, skeleton.opacities, 0, up_slopes(c.ctx, d, p, s), draw, to});
     c.close("backward, draw", draw, by, c.within(1e-6, 1e-7));
     c.close("backward, opacities", to.opacities, by_opacity, 1e-6);
     c.close("backward, means", to.means, plus(d.means, means0), 1e-6);

@@ -1,5 +1,7 @@
 #include "model/diagnose/selftest/reference/lift.h"
 
+#include <algorithm>
+
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/camera_ring.h"
 #include "model/ops/dense/scatter_rows.h"
@@ -79,6 +81,30 @@ void lift_all(Checks& c) {
                       before);
         },
         2e-5);
+    if (!c.all) continue;
+    // In blocks: the gradients are summed in another order.
+    const Tensor mean_again = c.gap({voxels, ch}), whole = c.up({texels, ch}, before),
+                 parts = c.up({texels, ch}, before), by = c.up({voxels, ch}, dmean);
+    const auto backward = [&](const ScatterPlan& from, const Tensor& at, const Tensor& of, long first, long n,
+                              const Tensor& to) {
+      lift_mean_backward(c.ctx, {v, &from, by, first, to});
+      lift_variance_backward(c.ctx, {maps, at, of, &from, c.ctx.upload({n, ch}, dvariance.data() + first * ch), to});
+    };
+    backward(plan, index, weight, 0, voxels, whole);
+    std::vector<float> variances;
+    for (long first = 0; first < voxels; first += 50) {
+      const long n = std::min(50L, voxels - first);
+      const Tensor at = c.ctx.tensor({n, v, 4}, Type::i32), of = c.gap({n, v, 4}), part = c.gap({n, ch});
+      lift_corners(c.ctx, {on_device, t.volume, t.tokens, image, t.half_pixel, first, at, of});
+      lift_variance_forward(c.ctx, {maps, at, of, part});
+      lift_mean_forward(c.ctx, {maps, at, of, c.up({ch}, bias), first, mean_again});
+      const auto values = c.ctx.read<float>(part);
+      variances.insert(variances.end(), values.begin(), values.end());
+      backward(make_scatter_plan(c.ctx, at, of, texels), at, of, first, n, parts);
+    }
+    c.equal("variance, in blocks", variances, c.ctx.read<float>(variance));
+    c.equal("mean, in blocks", mean_again, c.ctx.read<float>(mean));
+    c.close("backward, in blocks", parts, c.ctx.read<float>(whole), 1e-6);
   }
 }
 

@@ -13,12 +13,13 @@ void project_features_all(Checks& c) {
     bool half_pixel, by_distance;
     float reach = 0.5f;
   };
-  for (const Try& t : c.some({Try{1, 7, 1, 1, true, false},
-                              {2, 3, 3, 17, true, false},
-                              {3, 6, 24, 31, false, false},
-                              {4, 8, 130, 33, true, true},
-                              {3, 5, 4, 300, true, false, 1.2f}},
-                             {{4, 8, 6, 33, false, true}, {3, 5, 4, 500, true, false, 1.2f}})) {
+  for (const Try& t :
+       c.some({Try{1, 7, 1, 1, true, false},
+               {2, 3, 3, 17, true, false},
+               {3, 6, 24, 31, false, false},
+               {4, 8, 130, 33, true, true},
+               {3, 5, 4, 300, true, false, 1.2f}},
+              {{4, 8, 6, 33, false, true}, {3, 5, 4, 500, true, false, 1.2f}, {2, 2, 3, 0, true, false, 1}})) {
     ref::ProjectFeaturesCase want;
     want.t = t.t, want.channels = t.channels, want.half_pixel = t.half_pixel, want.by_distance = t.by_distance;
     want.image = static_cast<int>(8 * t.t), want.cameras = orbit(t.views, want.image);

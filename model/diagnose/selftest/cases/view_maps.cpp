@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/reference/differences.h"
 #include "model/ops/networks/view_maps.h"
 
 namespace vsplat::selftest {
@@ -27,11 +28,15 @@ void view_maps_of(Checks& c, long edge, long first, long drawn) {
       for (std::size_t k = 0; k < 3; ++k) want[8 * at + k] = images[3 * at + k];
       std::copy(rest.begin(), rest.end(), want.begin() + static_cast<long>(8 * at + 3));
       const float* by = &dmaps[8 * at + 3];
-      for (int k = 0; k < 3; ++k) dcolour.push_back(drawing[k] > 0 && drawing[k] < 1 ? by[k] : 0);
-      const double a = alpha[i], d = depth[i];
-      const bool divided = by_alpha && a > 0;
-      dalpha.push_back(by[3] - (divided ? by[4] * d / (a * a) : 0));
-      ddepth.push_back(divided ? by[4] / a : by_alpha ? 0 : by[4]);
+      const std::vector<float> slopes(by, by + 5);
+      double moved[5] = {drawing[0], drawing[1], drawing[2], alpha[i], depth[i]};
+      for (int k = 0; k < 5; ++k) {
+        const auto loss = [&] { return ref::weighed(ref::view_map(moved, moved[3], moved[4], by_alpha), slopes); };
+        // Where nothing is drawn alpha has no two sides: its gradient is that of the map's alpha alone.
+        const double slope =
+            by_alpha && k >= 3 && moved[k] == 0 ? (k == 3 ? by[3] : 0) : ref::derivative_by(moved[k], 1e-6, loss);
+        (k < 3 ? dcolour : k == 3 ? dalpha : ddepth).push_back(slope);
+      }
     }
     const ViewDrawings there{c.up({drawn, edge, edge, 3}, colour), c.up({drawn, edge, edge}, alpha),
                              c.up({drawn, edge, edge}, depth)};

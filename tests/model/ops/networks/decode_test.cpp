@@ -1,7 +1,6 @@
 #include "model/ops/networks/decode.h"
 
-#include <numeric>
-
+#include "model/diagnose/selftest/inputs/gaussian_lists.h"
 #include "model/diagnose/selftest/reference/decode.h"
 #include "model/diagnose/selftest/reference/differences.h"
 #include "tests/support/compare.h"
@@ -14,50 +13,15 @@ class DecodeOp : public test::FlavourTest {};
 VSPLAT_FLAVOURS(DecodeOp);
 VSPLAT_OPERATION(DecodeOp, decode)
 
+using selftest::gap_gaussians;
+using selftest::slopes;
+using selftest::up_slopes;
 using test::close;
-
-DeviceGaussians nan_gaussians(Context& ctx, long n, long s, long scales = 3) {
-  DeviceGaussians g;
-  const auto make = [&](const Shape& shape, long count) {
-    return ctx.upload(shape, test::nans(static_cast<std::size_t>(count)));
-  };
-  g.means = make({n, 3}, 3 * n);
-  g.scales = make({n, scales}, scales * n);
-  g.quats = make({n, 4}, 4 * n);
-  g.opacities = make({n}, n);
-  g.sh = make({n, s, 3}, 3 * s * n);
-  return g;
-}
-
-void expect_equal(Context& ctx, const DeviceGaussians& g, const ref::GaussianLists& want) {
-  EXPECT_TRUE(close(ctx.read<float>(g.means), want.means, 1e-6));
-  EXPECT_TRUE(close(ctx.read<float>(g.scales), want.scales, 1e-6));
-  EXPECT_TRUE(close(ctx.read<float>(g.quats), want.quats, 1e-6));
-  EXPECT_TRUE(close(ctx.read<float>(g.opacities), want.opacities, 1e-6));
-  EXPECT_TRUE(close(ctx.read<float>(g.sh), want.sh, 0));
-}
-
-// A loss that is linear in every Gaussian: its derivatives, for `n` of them.
-ref::GaussianLists cotangents(long n, long s) {
-  const auto random = [&](long count, std::uint32_t seed) {
-    const std::vector<float> x = test::random_floats(static_cast<std::size_t>(count), seed);
-    return std::vector<double>(x.begin(), x.end());
-  };
-  return {random(3 * n, 51), random(3 * n, 52), random(4 * n, 53), random(n, 54), random(3 * s * n, 55)};
-}
-
-GaussianGradients upload_gradients(Context& ctx, const ref::GaussianLists& g, long n, long s, long scales = 3) {
-  const auto floats = [&](const Shape& shape, const std::vector<double>& x) {
-    return ctx.upload(shape, std::vector<float>(x.begin(), x.end()));
-  };
-  return {floats({n, 3}, g.means), floats({n, scales}, g.scales), floats({n, 4}, g.quats), floats({n}, g.opacities),
-          floats({n, s, 3}, g.sh)};
-}
 
 TEST(DecodeReference, GradientsAreThoseOfDifferences) {
   constexpr double anchor[3] = {0.1, -0.2, 0.3};
   const std::vector<float> random = test::random_floats(23 * 20, 56, -4.0f, 4.0f);
-  const ref::GaussianLists d = cotangents(1, 4);
+  const ref::GaussianLists d = slopes(1, 4);
   for (const bool exponential : {false, true})
     for (std::size_t row = 0; row < random.size(); row += 23) {
       std::vector<double> raw(random.begin() + static_cast<long>(row), random.begin() + static_cast<long>(row + 23));
@@ -95,8 +59,8 @@ TEST_P(DecodeOp, InSomeRows) {
           EXPECT_EQ(all[at], want[at - row0 * width]) << at;
     }
   };
-  const DeviceGaussians first = nan_gaussians(ctx(), p, s), some = nan_gaussians(ctx(), n, s),
-                        adjusted = nan_gaussians(ctx(), p, s), others = nan_gaussians(ctx(), n, s);
+  const DeviceGaussians first = gap_gaussians(ctx(), p, s), some = gap_gaussians(ctx(), n, s),
+                        adjusted = gap_gaussians(ctx(), p, s), others = gap_gaussians(ctx(), n, s);
   decode_points_forward(ctx(), {raw, points, 0.02, 0, first});
   decode_points_forward(ctx(), {raw, points, 0.02, row0, some});
   expect_rows(some, first);
@@ -106,7 +70,7 @@ TEST_P(DecodeOp, InSomeRows) {
   EXPECT_THROW(decode_points_forward(ctx(), {raw, points, 0.02, row0 + 2, some}), Error);
 
   // Their gradients read those rows.
-  const ref::GaussianLists d = cotangents(n, s);
+  const ref::GaussianLists d = slopes(n, s);
   ref::GaussianLists rows;
   const auto cut = [&](const std::vector<double>& all) {
     const long width = static_cast<long>(all.size()) / n;
@@ -115,7 +79,7 @@ TEST_P(DecodeOp, InSomeRows) {
   rows = {cut(d.means), cut(d.scales), cut(d.quats), cut(d.opacities), cut(d.sh)};
   std::vector<std::vector<float>> got[2];
   for (const bool shifted : {false, true}) {
-    const GaussianGradients dout = shifted ? upload_gradients(ctx(), d, n, s) : upload_gradients(ctx(), rows, p, s);
+    const GaussianGradients dout = shifted ? up_slopes(ctx(), d, n, s) : up_slopes(ctx(), rows, p, s);
     const long from = shifted ? row0 : 0;
     const Tensor draw = ctx().tensor(raw.shape()), dpoints = ctx().tensor({p, 3}),
                  dupdate = ctx().tensor(update.shape());
@@ -134,12 +98,16 @@ TEST_P(DecodeOp, InSomeRows) {
 TEST(Decode, ExtremeNumbersStayFinite) {
   Context& ctx = test::context(Flavour::cpu);
   const std::vector<float> raw = {-200, 200, 0, 1, 2, 3, 90, -40, 40, 200, 3e-9f, 0, 4e-9f, 0};
-  const DeviceGaussians out = nan_gaussians(ctx, 1, 1);
+  const DeviceGaussians out = gap_gaussians(ctx, 1, 1);
   decode_coarse_forward(ctx, {ctx.upload({1, 14}, raw), 1, out});
   ref::GaussianLists want;
   const double anchor[3] = {0, 0, 0};
   ref::decode(raw.data(), anchor, 0.25, 1, 3, want);
-  expect_equal(ctx, out, want);
+  EXPECT_TRUE(close(ctx.read<float>(out.means), want.means, 1e-6));
+  EXPECT_TRUE(close(ctx.read<float>(out.scales), want.scales, 1e-6));
+  EXPECT_TRUE(close(ctx.read<float>(out.quats), want.quats, 1e-6));
+  EXPECT_TRUE(close(ctx.read<float>(out.opacities), want.opacities, 1e-6));
+  EXPECT_TRUE(close(ctx.read<float>(out.sh), want.sh, 0));
   EXPECT_TRUE(close(std::vector<float>{ctx.read<float>(out.scales)[0]}, std::vector<double>{want.scales[0]}, 1e-4));
   const std::vector<float> zero(14, 0.0f);
   decode_coarse_forward(ctx, {ctx.upload({1, 14}, zero), 1, out});
@@ -149,7 +117,7 @@ TEST(Decode, ExtremeNumbersStayFinite) {
 // Saturated numbers have gradients of 0 or all; a rotation too short to be a unit one is divided by 1e-12.
 TEST(Decode, BackwardOfExtremeNumbersStaysFinite) {
   Context& ctx = test::context(Flavour::cpu);
-  const ref::GaussianLists d = cotangents(1, 1);
+  const ref::GaussianLists d = slopes(1, 1);
   const std::vector<float> short_rotations[] = {{3e-9f, 0, 4e-9f, 0}, {3e-25f, 0, 4e-25f, 0}, {0, 0, 0, 0}};
   for (const std::vector<float>& q : short_rotations) {
     std::vector<float> raw = {-200, 200, 0, 1, 2, 3, 90, -40, 40, 200};
@@ -157,7 +125,7 @@ TEST(Decode, BackwardOfExtremeNumbersStaysFinite) {
     std::vector<double> want;
     ref::decode_backward(raw.data(), 0.25, 1, 3, d, 0, want);
     const Tensor draw = ctx.upload({1, 14}, test::nans(14));
-    decode_coarse_backward(ctx, {ctx.upload({1, 14}, raw), 1, upload_gradients(ctx, d, 1, 1), draw});
+    decode_coarse_backward(ctx, {ctx.upload({1, 14}, raw), 1, up_slopes(ctx, d, 1, 1), draw});
     const std::vector<float> got = ctx.read<float>(draw);
     for (std::size_t i = 0; i < 10; ++i) EXPECT_NEAR(got[i], want[i], 1e-6) << i;
     EXPECT_TRUE(close(std::vector<float>(got.begin() + 10, got.end()),
