@@ -4,14 +4,15 @@
 #include <cmath>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/smooth_pictures.h"
 #include "model/ops/fit/loss.h"
 
 namespace vsplat::selftest {
 namespace {
 
 // Pictures that are their target but for some noise: none near 0, 1 or the target, where the loss has kinks.
-std::vector<float> off_target(const std::vector<float>& target, std::uint32_t seed) {
-  auto out = random_floats(target.size(), seed, -0.3f, 0.3f);
+std::vector<float> off_target(const std::vector<float>& target, std::uint32_t seed, float noise = 0.3f) {
+  auto out = random_floats(target.size(), seed, -noise, noise);
   for (std::size_t i = 0; i < out.size(); ++i) {
     if (std::abs(out[i]) < 1e-3f) out[i] = 2e-3f;
     out[i] += target[i];
@@ -20,9 +21,9 @@ std::vector<float> off_target(const std::vector<float>& target, std::uint32_t se
   return out;
 }
 
-void loss_of(Checks& c, long n, long h, long w, ErrorKind error, SimilarityKind similarity, float ssim_weight = 0.4f) {
-  const auto target = random_floats(size_of(n * h, 3 * w), 1, 0, 1), pictures = off_target(target, 2);
-  const Shape shape{n, h, w, 3};
+void loss_of(Checks& c, const std::vector<float>& pictures, const std::vector<float>& target, const Shape& shape,
+             ErrorKind error, SimilarityKind similarity, float ssim_weight) {
+  const long h = shape[1], w = shape[2];
   PictureLoss a{c.up(shape, pictures), c.up(shape, target), ssim_weight, c.gap({3}), c.gap(shape)};
   a.error = error, a.similarity = similarity;
   picture_loss(c.ctx, a);
@@ -65,6 +66,11 @@ void loss_of(Checks& c, long n, long h, long w, ErrorKind error, SimilarityKind 
   c.equal("loss without its gradient", alone.out, c.ctx.read<float>(a.out));
 }
 
+void loss_of(Checks& c, long n, long h, long w, ErrorKind error, SimilarityKind similarity, float ssim_weight = 0.4f) {
+  const auto target = random_floats(size_of(n * h, 3 * w), 1, 0, 1);
+  loss_of(c, off_target(target, 2), target, {n, h, w, 3}, error, similarity, ssim_weight);
+}
+
 void loss_all(Checks& c) {
   for (const auto& [n, h, w] :
        c.some({std::array<long, 3>{1, 11, 11}, {2, 12, 11}, {1, 13, 31}, {3, 21, 22}, {1, 33, 32}},
@@ -83,6 +89,21 @@ void loss_all(Checks& c) {
        {std::array<long, 3>{1, 1, 1}, {1, 1, 10}, {2, 7, 3}, {1, 10, 11}, {3, 21, 22}, {1, 64, 64}, {1, 161, 162}})
     for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
       loss_of(c, n, h, w, error, SimilarityKind::none);
+  // Smooth pictures, near their target, and of another one; five scales, of even and odd sides, from the smallest that
+  // have them, and one side too few; a single scale where it would be MS-SSIM otherwise.
+  auto target = smooth_pictures(2, 40, 36);
+  const Shape small{2, 40, 36, 3};
+  loss_of(c, off_target(target, 3, 0.02f), target, small, ErrorKind::squared, SimilarityKind::automatic, 0.5f);
+  loss_of(c, off_target(target, 4, 1e-3f), random_floats(target.size(), 5, 0, 1), small, ErrorKind::squared,
+          SimilarityKind::automatic, 0.5f);
+  for (const auto& [h, w] : {std::array<long, 2>{161, 162}, {167, 180}}) {
+    target = smooth_pictures(1, h, w);
+    loss_of(c, off_target(target, 5, 0.4f), target, {1, h, w, 3}, ErrorKind::squared, SimilarityKind::automatic, 0.5f);
+  }
+  loss_of(c, 1, 160, 170, ErrorKind::squared, SimilarityKind::automatic, 0.5f);
+  target = smooth_pictures(2, 167, 180);
+  for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
+    loss_of(c, off_target(target, 15, 0.4f), target, {2, 167, 180, 3}, error, SimilarityKind::single_scale, 0.3f);
 }
 
 }  // namespace

@@ -6,32 +6,12 @@
 #include <numeric>
 
 #include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/inputs/fit_states.h"
 
 namespace vsplat::selftest {
 namespace {
 
-constexpr double kLeast = 0.005, kOffset = 0.5;
-
-struct Rows {
-  std::vector<float> means, log_scales, quats, logits, sh;
-};
-
-Rows random_rows(std::size_t count, std::size_t capacity, std::uint32_t seed) {
-  const auto random = [&](std::size_t each) {
-    auto out = random_floats(each * count, seed++, -3, -1);
-    out.resize(each * capacity, 7.0f);
-    return out;
-  };
-  return {random(3), random(3), random(4), random(1), random(12)};
-}
-
-SplatParameters up_rows(Checks& c, const Rows& r) {
-  const long n = static_cast<long>(r.logits.size());
-  return {c.up({n, 3}, r.means), c.up({n, 3}, r.log_scales), c.up({n, 4}, r.quats), c.up({n}, r.logits),
-          c.up({n, 4, 3}, r.sh)};
-}
-
-double opacity_at(double x) { return 1 / (1 + std::exp(-x)); }
+constexpr double kSplitLeast = 0.005, kOffset = 0.5;
 
 // The Gaussians to split, ascending: of those that stay, the `splits` with the highest scores, the first of equal ones.
 std::vector<std::size_t> highest(const std::vector<float>& scores, const std::vector<bool>& free, std::size_t splits) {
@@ -47,8 +27,8 @@ std::vector<std::size_t> highest(const std::vector<float>& scores, const std::ve
 void splat_split_of(Checks& c, std::size_t count, double growth, float gone_share) {
   const auto random = random_floats(count, static_cast<std::uint32_t>(count), 0, 1);
   const auto grow_to = static_cast<std::size_t>(growth * static_cast<double>(count)), capacity = grow_to + 2;
-  Rows x = random_rows(count, capacity, 1);
-  const Rows m = random_rows(count, capacity, 11), v = random_rows(count, capacity, 21);
+  FitRows x = fit_rows(count, capacity, 1);
+  const FitRows m = fit_rows(count, capacity, 11), v = fit_rows(count, capacity, 21);
   std::vector<bool> free;
   std::vector<float> scores;
   for (std::size_t k = 0; k < count; ++k) {
@@ -59,7 +39,7 @@ void splat_split_of(Checks& c, std::size_t count, double growth, float gone_shar
   const auto gone = static_cast<std::size_t>(std::count(free.begin(), free.end(), true));
   const std::size_t splits = std::min(gone + grow_to - count, count - gone);
   const std::size_t want_count = count + (splits > gone ? splits - gone : 0);
-  const SplatSplit a{{up_rows(c, x), up_rows(c, m), up_rows(c, v)},
+  const SplatSplit a{{up_rows(c.ctx, x), up_rows(c.ctx, m), up_rows(c.ctx, v)},
                      static_cast<long>(count),
                      static_cast<long>(grow_to),
                      c.up({static_cast<long>(count)}, scores)};
@@ -76,7 +56,7 @@ void splat_split_of(Checks& c, std::size_t count, double growth, float gone_shar
     const float *s = &x.log_scales[3 * k], *q = &x.quats[4 * k];
     const auto axis = static_cast<std::size_t>(std::max_element(s, s + 3) - s);
     const Eigen::Matrix3d turn = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
-    const double half = 1 - std::sqrt(1 - opacity_at(x.logits[k]));
+    const double half = 1 - std::sqrt(1 - sigmoid(x.logits[k]));
     for (const auto& [at, side] : {std::pair{k, -1.0}, {to, 1.0}}) {
       for (std::size_t i = 0; i < 3; ++i) {
         means[3 * at + i] = x.means[3 * k + i] + side * kOffset * std::exp(static_cast<double>(s[axis])) *
@@ -84,7 +64,7 @@ void splat_split_of(Checks& c, std::size_t count, double growth, float gone_shar
         scales[3 * at + i] = s[i] + (i == axis ? 0.5 * std::log(1 - kOffset * kOffset) : 0);
         moments[3 * at + i] = 0;
       }
-      logits[at] = std::log(std::max(half, kLeast) / (1 - std::max(half, kLeast)));
+      logits[at] = std::log(std::max(half, kSplitLeast) / (1 - std::max(half, kSplitLeast)));
       std::copy_n(&x.quats[4 * k], 4, &quats[4 * at]);
       std::copy_n(&x.sh[12 * k], 12, &sh[12 * at]);
       std::fill_n(&sh_moments[12 * at], 12, 0.0f);

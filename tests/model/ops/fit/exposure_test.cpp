@@ -6,8 +6,6 @@
 namespace vsplat {
 namespace {
 
-constexpr std::array<float, 3> kBehind = {0.2f, 0.9f, 0.5f};
-
 class ExposureOp : public test::FlavourTest {};
 VSPLAT_FLAVOURS(ExposureOp);
 VSPLAT_OPERATION(ExposureOp, exposure)
@@ -17,7 +15,7 @@ TEST_P(ExposureOp, TheMapThatIsNoneChangesNothing) {
   const DevicePicture drawn{ctx().upload({2, 5, 3}, colour), ctx().upload({2, 5}, alpha), {}};
   const Tensor map = ctx().upload({12}, std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
   const Tensor out = ctx().upload({2, 5, 3}, test::nans(30));
-  exposure_forward(ctx(), {map, drawn, kBehind, out});
+  exposure_forward(ctx(), {map, drawn, selftest::kBehindPictures, out});
   EXPECT_TRUE(test::close(ctx().read<float>(out), colour, 1e-6));
 }
 

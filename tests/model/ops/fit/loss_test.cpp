@@ -1,37 +1,18 @@
 #include "model/ops/fit/loss.h"
 
-#include "model/diagnose/selftest/reference/loss.h"
+#include "model/diagnose/selftest/inputs/smooth_pictures.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
-// Pictures that are their target but for so much noise, some beyond 0 and 1, none within 1e-4 of them, where the
-// differences that the gradient is compared with would see the clamp.
+using selftest::smooth_pictures;
+
+// Some beyond 0 and 1.
 std::vector<float> noisy(const std::vector<float>& target, float noise, std::uint32_t seed) {
   auto out = test::random_floats(target.size(), seed, -noise, noise);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i] += target[i];
-    if (std::abs(out[i]) < 1e-4f || std::abs(out[i] - 1) < 1e-4f) out[i] += 3e-4f;
-  }
-  return out;
-}
-
-// None within 1e-4 of their target, where the absolute value has its kink.
-std::vector<float> apart(std::vector<float> pictures, const std::vector<float>& target) {
-  for (std::size_t i = 0; i < pictures.size(); ++i)
-    if (std::abs(pictures[i] - target[i]) < 1e-4f) pictures[i] += pictures[i] < 0.5f ? 3e-4f : -3e-4f;
-  return pictures;
-}
-
-// Smooth, as pictures are, with flat white parts.
-std::vector<float> smooth(long n, long h, long w) {
-  std::vector<float> out;
-  for (long i = 0; i < n * h * w * 3; ++i) {
-    const auto y = static_cast<float>(i / 3 / w % h), x = static_cast<float>(i / 3 % w);
-    out.push_back(std::min(1.0f, 0.8f + 0.5f * std::sin(0.21f * x + static_cast<float>(i % 3)) * std::cos(0.13f * y)));
-  }
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] += target[i];
   return out;
 }
 
@@ -60,63 +41,16 @@ class Loss : public test::FlavourTest {
     EXPECT_EQ(ctx().read<float>(a.out), result.out) << "without the gradient";
     return result;
   }
-
-  // The value, and the gradient of every `stride`-th number, the first and the last.
-  void check(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w, std::size_t stride,
-             float weight = 0.5f, const Kind& kind = {}) {
-    const Result got = run(pictures, target, h, w, weight, kind);
-    const ref::LossKind ref_kind{kind.error == ErrorKind::absolute, kind.similarity == SimilarityKind::single_scale,
-                                 kind.similarity != SimilarityKind::none};
-    const std::vector<double> wide(pictures.begin(), pictures.end());
-    const auto want = ref::loss(wide, target, h, w, weight, ref_kind);
-    for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(got.out[i], want[i], 1e-6) << h << " x " << w << ", out " << i;
-    std::vector<float> slopes;
-    std::vector<double> expected;
-    for (std::size_t at = 0; at < pictures.size();
-         at = at + 1 < pictures.size() ? std::min(at + stride, pictures.size() - 1) : at + 1) {
-      slopes.push_back(got.gradient[at]);
-      expected.push_back(ref::loss_slope(wide, target, h, w, weight, at, ref_kind));
-    }
-    EXPECT_TRUE(test::close(slopes, expected, 2e-5)) << h << " x " << w;
-  }
 };
 VSPLAT_FLAVOURS(Loss);
 VSPLAT_OPERATION(Loss, loss)
-
-TEST_P(Loss, MatchesReferenceOnSmoothPictures) {
-  const auto target = smooth(2, 40, 36);
-  check(noisy(target, 0.02f, 3), target, 40, 36, 97);
-  check(noisy(target, 1e-3f, 4), test::random_floats(target.size(), 5, 0, 1), 40, 36, 97);
-}
-
-// Five scales, of even and odd sides, from the smallest that have them.
-TEST_P(Loss, MatchesReferenceAtManyScales) {
-  for (const auto& [h, w] : {std::array<long, 2>{161, 162}, {167, 180}}) {
-    const auto target = smooth(1, h, w);
-    check(noisy(target, 0.4f, 5), target, h, w, 6007);
-  }
-  const auto target = test::random_floats(160 * 170 * 3, 6, 0, 1);  // one side too few
-  check(noisy(target, 0.3f, 7), target, 160, 170, 9001);
-}
-
-// Where it would be MS-SSIM otherwise, which is another number.
-TEST_P(Loss, SingleScaleMatchesReferenceOnLargePictures) {
-  const auto target = smooth(2, 167, 180);
-  const auto pictures = apart(noisy(target, 0.4f, 15), target);
-  for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
-    check(pictures, target, 167, 180, 12007, 0.3f, {error, SimilarityKind::single_scale});
-  const float many = run(pictures, target, 167, 180).out[2];
-  EXPECT_GT(
-      std::abs(run(pictures, target, 167, 180, 0.5f, {ErrorKind::squared, SimilarityKind::single_scale}).out[2] - many),
-      0.05f);
-}
 
 // A large picture is computed in bands. The last has all its windows in the one before, or is shorter than a window.
 TEST_P(Loss, BandsHaveTheGradientOfTheWhole) {
   for (const auto& [h, w] : {std::array<long, 2>{132, 40}, {203, 33}, {97, 11}})
     for (const SimilarityKind similarity : {SimilarityKind::single_scale, SimilarityKind::none})
       for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute}) {
-        const auto target = smooth(1, h, w), pictures = noisy(target, 0.4f, 17);
+        const auto target = smooth_pictures(1, h, w), pictures = noisy(target, 0.4f, 17);
         const Kind kind{error, similarity};
         const Result whole = run(pictures, target, h, w, 0.3f, kind),
                      bands = run(pictures, target, h, w, 0.3f, kind, 1);
@@ -185,7 +119,7 @@ TEST_P(Loss, MatchesPyTorch) {
 
 TEST_P(Loss, EqualPicturesHaveNone) {
   for (const long h : {20L, 165L}) {
-    const auto target = smooth(1, h, h);
+    const auto target = smooth_pictures(1, h, h);
     const Result got = run(target, target, h, h);
     EXPECT_EQ(got.out, (std::vector<float>{0, 0, 1}));
     EXPECT_EQ(got.gradient, std::vector<float>(target.size(), 0.0f));
@@ -231,7 +165,7 @@ TEST_P(Loss, NegativeSimilarityOfScalesCountsAsZero) {
 // Pictures one by one, each for its share, as a training does that draws them one by one.
 TEST_P(Loss, OneByOneWithAScaleIsAllTogether) {
   for (const long edge : {17L, 165L}) {
-    const auto target = smooth(2, edge, edge);
+    const auto target = smooth_pictures(2, edge, edge);
     const auto pictures = noisy(target, 0.2f, 5);
     const Result all = run(pictures, target, edge, edge);
     const std::size_t half = target.size() / 2;
@@ -252,17 +186,9 @@ TEST_P(Loss, OneByOneWithAScaleIsAllTogether) {
   }
 }
 
-TEST_P(Loss, SameBitsAgain) {
-  const auto target = smooth(2, 162, 171);
-  const auto pictures = noisy(target, 0.2f, 11);
-  const Result first = run(pictures, target, 162, 171), second = run(pictures, target, 162, 171);
-  EXPECT_EQ(first.out, second.out);
-  EXPECT_EQ(first.gradient, second.gradient);
-}
-
 TEST_P(Loss, NanStaysNan) {
   const Shape shape = {1, 15, 15, 3};
-  const auto target = smooth(1, 15, 15);
+  const auto target = smooth_pictures(1, 15, 15);
   auto pictures = target;
   pictures[300] = test::nans(1)[0];
   for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/diagnose/selftest/inputs/given_pictures.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
 #include "tests/support/operation.h"
@@ -9,41 +10,16 @@
 namespace vsplat {
 namespace {
 
-constexpr std::array<float, 3> kBackground = {0.2f, 0.9f, 0.5f};
+using selftest::GivenPicture;
 
 class PictureTargetOp : public test::FlavourTest {
  protected:
-  struct Pixels {
-    std::vector<std::uint8_t> given, known;
-    std::vector<float> colour, alpha;
-  };
-
-  // Colours beyond [0, 1], too; alphas that differ from what is given by all kinds of amounts, none within 1e-3 of half
-  // a step.
-  static Pixels some(long h, long w) {
-    Pixels out;
-    const auto count = static_cast<std::size_t>(h * w);
-    const auto random = test::random_floats(8 * count, static_cast<std::uint32_t>(97 * h + w), 0, 1);
-    for (std::size_t i = 0; i < count; ++i) {
-      const float* r = &random[8 * i];
-      const int a = i % 3 == 0 ? 255 : i % 3 == 1 ? static_cast<int>(255 * r[0]) : 0;
-      for (int c = 1; c < 4; ++c) out.given.push_back(static_cast<std::uint8_t>(static_cast<float>(a) * r[c]));
-      out.given.push_back(static_cast<std::uint8_t>(a));
-      out.known.push_back(r[4] < 0.3f ? 0 : r[4] < 0.6f ? 1 : 255);
-      for (int c = 1; c < 4; ++c) out.colour.push_back(2 * r[c + 3] - 0.5f);
-      float off = (r[0] - 0.5f) * (i % 2 == 0 ? 3.0f : 200.0f);
-      if (std::abs(std::abs(off) - 0.5f) < 1e-3f) off += 0.01f;
-      out.alpha.push_back((static_cast<float>(a) + off) / 255);
-    }
-    return out;
-  }
-
-  PictureTarget upload(const Pixels& p, long h, long w, float alpha_weight) {
+  PictureTarget upload(const GivenPicture& p, long h, long w, float alpha_weight) {
     const auto count = static_cast<std::size_t>(h * w);
     PictureTarget a;
     a.given = ctx().upload({h, w, 4}, p.given, Type::u8);
     if (!p.known.empty()) a.known = ctx().upload({h, w}, p.known, Type::u8);
-    a.background = kBackground;
+    a.background = selftest::kBehindPictures;
     a.drawn.colour = ctx().upload({h, w, 3}, p.colour), a.drawn.alpha = ctx().upload({h, w}, p.alpha);
     a.alpha_weight = alpha_weight;
     a.target = ctx().upload({h, w, 3}, test::nans(3 * count));
@@ -57,7 +33,7 @@ VSPLAT_OPERATION(PictureTargetOp, picture_target)
 // The gradient of what it says it is the gradient of: the mean over pixels, where they are known and off by more than
 // half a step.
 TEST_P(PictureTargetOp, AlphasSlopeIsThatOfTheMeanAbsoluteError) {
-  const Pixels p = some(9, 11);
+  const GivenPicture p = selftest::given_picture(9, 11);
   const PictureTarget a = upload(p, 9, 11, 0.5f);
   picture_target(ctx(), a);
   const auto got = ctx().read<float>(a.dalpha);
@@ -79,7 +55,7 @@ TEST_P(PictureTargetOp, AlphasSlopeIsThatOfTheMeanAbsoluteError) {
 // Where nothing is known, no colour that can be drawn has a loss: the target is what was drawn to the bit, and no
 // beyond of it pulls.
 TEST_P(PictureTargetOp, UnknownPixelsAreAsDrawn) {
-  Pixels p = some(6, 7);
+  GivenPicture p = selftest::given_picture(6, 7);
   std::fill(p.known.begin(), p.known.end(), std::uint8_t{0});
   const PictureTarget a = upload(p, 6, 7, 1);
   picture_target(ctx(), a);
@@ -90,7 +66,7 @@ TEST_P(PictureTargetOp, UnknownPixelsAreAsDrawn) {
 }
 
 TEST_P(PictureTargetOp, RejectsWhatDoesNotFit) {
-  const Pixels p = some(3, 4);
+  const GivenPicture p = selftest::given_picture(3, 4);
   const PictureTarget good = upload(p, 3, 4, 1);
   EXPECT_NO_THROW(picture_target(ctx(), good));
   const auto refused = [&](const auto& change) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/diagnose/selftest/inputs/fit_states.h"
 #include "model/render/render.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
@@ -12,7 +13,7 @@
 namespace vsplat {
 namespace {
 
-float logit(double p) { return static_cast<float>(std::log(p / (1 - p))); }
+using selftest::logit;
 
 class SplatSplitOp : public test::FlavourTest {
  protected:
