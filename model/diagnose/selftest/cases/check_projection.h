@@ -3,6 +3,7 @@
 #pragma once
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <optional>
 
 #include "model/diagnose/selftest/cases/cases.h"
@@ -20,6 +21,33 @@ inline std::optional<std::array<float, 3>> mirror_of(const ref::Options& options
   return std::array<float, 3>{m.x(), m.y(), m.z()};
 }
 
+// Whether a chunk of a larger scene is projected as the whole of it was, wherever it begins and however many it has.
+// cull(chunk, base, out) and project(chunk, base, ids, from, n, records) do it.
+template <class Cull, class Project>
+void check_chunks(Checks& c, const Gaussians& g, long record, const std::vector<std::uint32_t>& rects,
+                  const std::vector<std::uint32_t>& ids, const std::vector<float>& records, const Cull& cull,
+                  const Project& project) {
+  const long k = static_cast<long>(g.count);
+  const Culled culled{c.ctx.tensor({k, 2}, Type::u32), c.ctx.tensor({k}, Type::u32), Tensor()};
+  std::vector<std::uint32_t> all(g.count);
+  std::iota(all.begin(), all.end(), 0u);
+  const Tensor every = c.up({k}, all), out = c.ctx.tensor({k, record});
+  long first = 0;
+  for (const long size : {0L, 1L, 3L, 15L, 16L, 17L, k}) {
+    const long n = std::min(size, k - first);
+    const DeviceGaussians chunk = upload(c.ctx, g, first, n);
+    cull(chunk, first, culled);
+    project(chunk, first, every, first, n, out);
+    first += n;
+  }
+  c.equal("tiles, in chunks", culled.rects, rects);
+  const auto got = c.ctx.read<float>(out);
+  std::vector<float> seen;
+  for (const std::uint32_t id : ids)
+    seen.insert(seen.end(), got.begin() + record * id, got.begin() + record * (id + std::ptrdiff_t{1}));
+  c.equal("records, in chunks", seen, records);
+}
+
 inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
                              const std::optional<ref::SurfelOptions>& surfels, const ref::Options& volumes = {}) {
   const ProjectionRows p = surfels ? surfel_rows(g, cam, *surfels) : volume_rows(g, cam, volumes);
@@ -35,15 +63,15 @@ inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
   visible.ids = c.up({n}, p.ids), visible.records = c.up({n, record}, p.records);
   const Tensor offsets = c.up({n + 1}, p.offsets);
   const IntersectionGradients rows{c.up({m, columns}, p.rows), c.ctx.upload({m}, p.touched, Type::u8)};
-  const auto run = [&] {
+  const auto run = [&](const DeviceGaussians& chunk, long base, const GaussianGradients& to, const Tensor& pose) {
     if (surfels)
-      project_surfels_backward(c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, pose_gradients,
+      project_surfels_backward(c.ctx, {chunk, base, views, 1, mirror.has_value(), visible, offsets, rows, to, pose,
                                        surfels->current ? SurfelRevision::current : SurfelRevision::lara});
     else
       project_backward(
-          c.ctx, {d, 0, views, 1, mirror.has_value(), visible, offsets, rows, out, pose_gradients, volumes.antialias});
+          c.ctx, {chunk, base, views, 1, mirror.has_value(), visible, offsets, rows, to, pose, volumes.antialias});
   };
-  run();
+  run(d, 0, out, pose_gradients);
   const std::size_t scales = surfels ? 2 : 3;
   const auto smallest = [&](std::size_t k) {
     return std::min({g.scales[3 * k], g.scales[3 * k + 1], g.scales[3 * k + 2]});
@@ -87,7 +115,25 @@ inline void check_projection(Checks& c, const Gaussians& g, const Camera& cam,
   const Tensor fields[] = {out.means, out.scales, out.quats, out.opacities, out.sh};
   std::vector<std::vector<float>> sums;
   for (const Tensor& field : fields) sums.push_back(c.ctx.read<float>(field));
-  run();  // adds to what is there
+  // In chunks: the same bits.
+  std::vector<std::vector<float>> parts(sums.size());
+  const Tensor pose_parts = c.zeros({n, 6});
+  const bool few = d.count() <= 120;
+  for (long base = 0; few && base < d.count(); base += 17) {
+    const long some = std::min(17L, d.count() - base);
+    const GaussianGradients part = zero_gradients(c.ctx, some, g.sh_degree, g.kind);
+    run(upload(c.ctx, g, base, some), base, part, pose_parts);
+    const Tensor of[] = {part.means, part.scales, part.quats, part.opacities, part.sh};
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const auto values = c.ctx.read<float>(of[i]);
+      parts[i].insert(parts[i].end(), values.begin(), values.end());
+    }
+  }
+  for (std::size_t i = 0; few && i < parts.size(); ++i) c.equal("in chunks", parts[i], sums[i]);
+  if (few)
+    c.equal("pose, in chunks", sum_pose_gradients(c.ctx, pose_parts),
+            c.ctx.read<float>(sum_pose_gradients(c.ctx, pose_gradients)));
+  run(d, 0, out, pose_gradients);  // adds to what is there
   for (std::size_t i = 0; i < sums.size(); ++i) {
     for (float& v : sums[i]) v *= 2;
     if (surfels)

@@ -64,7 +64,7 @@ double record_error(const ref::Splat& want, const float* r, std::uint32_t key, d
   return z == r[3] ? worst : INFINITY;
 }
 
-void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Options& options) {
+void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Options& options, bool chunks = false) {
   const Camera other = look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
   const Tensor views = upload_views(c.ctx, {other, cam}, 0.2f, mirror_of(options));
   const long k = static_cast<long>(g.count);
@@ -91,6 +91,15 @@ void project_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::Opt
     worst = std::max(worst, record_error(ref::project(g, ids[i], cam, options), &got[12 * i], keys[ids[i]],
                                          std::max(cam.fx, cam.fy)));
   c.that("records", worst <= 1, worst, 1);
+  if (!chunks) return;
+  check_chunks(
+      c, g, 12, rects, ids, got,
+      [&](const DeviceGaussians& chunk, long base, const Culled& out) {
+        project_cull(c.ctx, chunk, base, views, 1, cam.width, cam.height, out, options.antialias);
+      },
+      [&](const DeviceGaussians& chunk, long base, const Tensor& every, long from, long count, const Tensor& out) {
+        project_forward(c.ctx, {chunk, base, views, 1, every, from, count, out, options.antialias});
+      });
 }
 
 void project_all(Checks& c) {
@@ -104,6 +113,8 @@ void project_all(Checks& c) {
   Gaussians g = make_scene(long_quats, 23);
   lengthen_quats(g, 1);
   project_of(c, g, make_camera(long_quats, 23), {});
+  const SceneCase in_chunks{"", 101, 2, 64, 64, ""};
+  project_of(c, make_scene(in_chunks, 25), make_camera(in_chunks, 25), {}, true);
 }
 
 void project_backward_all(Checks& c) {

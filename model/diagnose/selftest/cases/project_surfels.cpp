@@ -68,7 +68,8 @@ double surfel_error(const ref::Surfel& want, const float* r, std::uint32_t key, 
   return z == r[3] ? worst : INFINITY;
 }
 
-void project_surfels_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::SurfelOptions& o) {
+void project_surfels_of(Checks& c, const Gaussians& g, const Camera& cam, const ref::SurfelOptions& o,
+                        bool chunks = false) {
   const Camera other = look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
   const Tensor views = upload_views(c.ctx, {other, cam}, static_cast<float>(o.options.near), mirror_of(o.options));
   const long k = static_cast<long>(g.count);
@@ -102,6 +103,15 @@ void project_surfels_of(Checks& c, const Gaussians& g, const Camera& cam, const 
         std::max(worst, reaches ? surfel_error(want, &got[20 * i], keys[ids[i]], std::max(cam.fx, cam.fy)) : INFINITY);
   }
   c.that("records", worst <= 1, worst, 1);
+  if (!chunks) return;
+  check_chunks(
+      c, g, 20, rects, ids, got,
+      [&](const DeviceGaussians& chunk, long base, const Culled& out) {
+        project_surfels_cull(c.ctx, chunk, base, views, 1, cam.width, cam.height, revision_of(o), out);
+      },
+      [&](const DeviceGaussians& chunk, long base, const Tensor& every, long from, long count, const Tensor& out) {
+        project_surfels_forward(c.ctx, {chunk, base, views, 1, every, from, count, out, revision_of(o)});
+      });
 }
 
 void project_surfels_all(Checks& c) {
@@ -120,6 +130,8 @@ void project_surfels_all(Checks& c) {
   o.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
   o.options.near = 1.5f;
   project_surfels_of(c, g, make_camera(s, 22), o);
+  const SceneCase in_chunks{"", 101, 2, 64, 64, ""};
+  project_surfels_of(c, make_surfels(in_chunks, 25), make_camera(in_chunks, 25), {}, true);
 }
 
 }  // namespace

@@ -4,11 +4,9 @@
 #include <tuple>
 
 #include "model/diagnose/selftest/cases/cases.h"
-#include "model/diagnose/selftest/inputs/records.h"
+#include "model/diagnose/selftest/inputs/records_on_device.h"
 #include "model/diagnose/selftest/reference/rasterize_backward.h"
-#include "model/ops/render/project.h"
 #include "model/ops/render/rasterize.h"
-#include "model/ops/render/tile_bin.h"
 
 namespace vsplat::selftest {
 namespace {
@@ -17,12 +15,7 @@ namespace {
 void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity, bool pulls_alone = false) {
   const Records r = make_records(width, height, per_tile, opacity, 3);
   const std::array<float, 3> background{0.25f, 0.5f, 1};
-  const auto slots = slots_of(r);
-  const long n = static_cast<long>(r.ids.size());
-  Projected p;
-  p.records = c.up({static_cast<long>(r.records.size() / 12), 12}, r.records);
-  Binned b;
-  b.ids = c.up({n}, r.ids), b.starts = c.up({static_cast<long>(r.starts.size())}, r.starts), b.slots = c.up({n}, slots);
+  const auto [p, b, slots] = upload_records(c.ctx, r);
   const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
   const DevicePicture picture{c.gap({height, width, 3}), c.gap({height, width}), c.gap({height, width})};
   rasterize_forward(c.ctx, {p, b, whole, background, picture});

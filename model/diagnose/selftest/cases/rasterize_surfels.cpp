@@ -3,30 +3,12 @@
 #include <array>
 
 #include "model/diagnose/selftest/cases/cases.h"
-#include "model/diagnose/selftest/inputs/records.h"
+#include "model/diagnose/selftest/inputs/records_on_device.h"
 #include "model/diagnose/selftest/inputs/surfel_blending.h"
-#include "model/ops/render/project.h"
 #include "model/ops/render/rasterize.h"
-#include "model/ops/render/tile_bin.h"
 
 namespace vsplat::selftest {
 namespace {
-
-struct SurfelsOnDevice {
-  Projected p;
-  Binned b;
-  std::vector<std::uint32_t> slots;
-};
-
-SurfelsOnDevice up_surfels(Checks& c, const Records& r) {
-  const long n = static_cast<long>(r.ids.size());
-  SurfelsOnDevice out;
-  out.slots = slots_of(r, kSurfelNumbers);
-  out.p.records = c.up({static_cast<long>(r.records.size() / kSurfelNumbers), 20}, r.records);
-  out.b.ids = c.up({n}, r.ids), out.b.starts = c.up({static_cast<long>(r.starts.size())}, r.starts);
-  out.b.slots = c.up({n}, out.slots);
-  return out;
-}
 
 DevicePicture gap_picture(Checks& c, long h, long w) {
   return {c.gap({h, w, 3}), c.gap({h, w}), c.gap({h, w}),   c.gap({h, w, 3}),
@@ -44,7 +26,7 @@ ref::SurfelOptions surfel_options(bool current) {
 void rasterize_surfels_of(Checks& c, int width, int height, int per_tile, float opacity, bool current) {
   const ref::SurfelOptions o = surfel_options(current);
   const Records r = make_surfel_records(width, height, per_tile, opacity, 3, o);
-  const SurfelsOnDevice d = up_surfels(c, r);
+  const RecordsOnDevice d = upload_records(c.ctx, r, kSurfelNumbers);
   const DevicePicture got = gap_picture(c, height, width);
   rasterize_surfels_forward(c.ctx, {d.p,
                                     d.b,
@@ -66,7 +48,7 @@ void rasterize_surfels_of(Checks& c, int width, int height, int per_tile, float 
 void rasterize_surfels_backward_of(Checks& c, int width, int height, int count, bool low_pass, bool current) {
   const ref::SurfelOptions o = surfel_options(current);
   const Records r = smooth_surfels(width, height, count, low_pass);
-  const SurfelsOnDevice d = up_surfels(c, r);
+  const RecordsOnDevice d = upload_records(c.ctx, r, kSurfelNumbers);
   const auto maps = SurfelCotangent::random(width, height);
   const DevicePicture picture = gap_picture(c, height, width);
   const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};

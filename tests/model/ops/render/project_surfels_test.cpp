@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "tests/model/ops/render/projection.h"
+#include "model/diagnose/selftest/inputs/random_scenes.h"
 #include "tests/support/operation.h"
 
 namespace vsplat {
@@ -35,14 +35,12 @@ TEST_P(ProjectSurfels, LeavesOutWhatCannotBeDrawn) {
   cam.fx = cam.fy = 40;
   cam.cx = cam.cy = 20;
   for (const SurfelRevision revision : {SurfelRevision::lara, SurfelRevision::current}) {
-    const test::Projection got = test::projected(ctx(), g, cam, revision);
-    for (std::size_t k = 0; k < g.count; ++k) EXPECT_EQ(got.rects[2 * k] != 0, k == 0) << k;
+    const Culled culled{ctx().tensor({8, 2}, Type::u32), ctx().tensor({8}, Type::u32), Tensor()};
+    const Tensor views = upload_views(ctx(), {cam}, 0.2f, {});
+    project_surfels_cull(ctx(), upload(ctx(), g), 0, views, 0, cam.width, cam.height, revision, culled);
+    const auto rects = ctx().read<std::uint32_t>(culled.rects);
+    for (std::size_t k = 0; k < g.count; ++k) EXPECT_EQ(rects[2 * k] != 0, k == 0) << k;
   }
-}
-
-TEST_P(ProjectSurfels, TakesTheSceneInChunks) {
-  const selftest::SceneCase c{"", 101, 2, 64, 64, ""};
-  test::expect_chunks_like_whole(ctx(), selftest::make_surfels(c, 25), selftest::make_camera(c, 25));
 }
 
 TEST_P(ProjectSurfels, RejectsBadShape) {

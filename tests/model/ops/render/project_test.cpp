@@ -2,18 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/model/ops/render/projection.h"
+#include "model/diagnose/selftest/inputs/random_scenes.h"
 #include "tests/support/operation.h"
 
 namespace vsplat {
 namespace {
 
 class Project : public test::FlavourTest {};
-
-TEST_P(Project, TakesTheSceneInChunks) {
-  const selftest::SceneCase c{"", 101, 2, 64, 64, ""};
-  test::expect_chunks_like_whole(ctx(), selftest::make_scene(c, 25), selftest::make_camera(c, 25));
-}
 
 TEST_P(Project, RejectsBadShape) {
   const selftest::SceneCase c{"", 4, 1, 32, 32, ""};

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "model/diagnose/selftest/inputs/records.h"
+#include "model/diagnose/selftest/inputs/records_on_device.h"
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "model/ops/render/rasterize.h"
 #include "tests/support/compare.h"
@@ -26,19 +26,10 @@ class RasterizeBackward : public test::FlavourTest {
   // Rows in the order of ids, zeros where none was written.
   std::vector<float> run(const selftest::Records& c, int width, int height, const Upstream& up,
                          Pulls pulls = Pulls::none) {
+    const auto [p, b, slots] = selftest::upload_records(ctx(), c);
     const auto upload = [&](const std::vector<float>& v, const Shape& shape) {
-      return v.empty() ? Tensor() : ctx().upload(shape, v);
+      return selftest::upload_or_none(ctx(), v, shape);
     };
-    const auto upload_u32 = [&](const std::vector<std::uint32_t>& v) {
-      return ctx().upload({static_cast<long>(v.size())}, v, Type::u32);
-    };
-    Projected p;
-    p.records = ctx().upload({static_cast<long>(c.records.size() / 12), 12}, c.records);
-    Binned b;
-    b.ids = upload_u32(c.ids);
-    b.starts = upload_u32(c.starts);
-    const std::vector<std::uint32_t> slots = selftest::slots_of(c);
-    b.slots = upload_u32(slots);
     const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
     const DevicePicture picture = make_picture(ctx(), width, height);
     rasterize_forward(ctx(), {p, b, whole, background, picture});

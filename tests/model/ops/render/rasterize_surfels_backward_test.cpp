@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "model/diagnose/selftest/inputs/records_on_device.h"
 #include "model/diagnose/selftest/inputs/surfel_blending.h"
 #include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "model/ops/render/rasterize_surfels.h"
@@ -28,20 +29,10 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
   // Rows in the order of ids, zeros where none was written.
   std::vector<float> run(const selftest::Records& c, int width, int height, const SurfelCotangent& by,
                          const ref::SurfelOptions& o) {
+    const auto [p, b, slots] = selftest::upload_records(ctx(), c, selftest::kSurfelNumbers);
     const auto upload = [&](const std::vector<float>& v, const Shape& shape) {
-      return v.empty() ? Tensor() : ctx().upload(shape, v);
+      return selftest::upload_or_none(ctx(), v, shape);
     };
-    const auto upload_u32 = [&](const std::vector<std::uint32_t>& v) {
-      return ctx().upload({static_cast<long>(v.size())}, v, Type::u32);
-    };
-    Projected p;
-    p.records = ctx().upload({static_cast<long>(c.records.size() / selftest::kSurfelNumbers), selftest::kSurfelNumbers},
-                             c.records);
-    Binned b;
-    b.ids = upload_u32(c.ids);
-    b.starts = upload_u32(c.starts);
-    const std::vector<std::uint32_t> slots = selftest::slots_of(c, selftest::kSurfelNumbers);
-    b.slots = upload_u32(slots);
     const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
     const float near = static_cast<float>(o.options.near);
     const DevicePicture picture =

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "model/diagnose/selftest/inputs/records_on_device.h"
 #include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "model/diagnose/selftest/reference/rasterize_surfels.h"
 #include "tests/support/operation.h"
@@ -20,15 +21,11 @@ class RasterizeSurfels : public test::FlavourTest {
   // Starts as NaN, so that what is not drawn shows.
   DevicePicture draw(const selftest::Records& c, const Part& part, int width, int height, const SurfelMaps& maps,
                      const ref::SurfelOptions& o) {
-    Projected p;
-    p.records = ctx().upload({static_cast<long>(c.records.size() / 20), 20}, c.records);
-    Binned b;
-    b.ids = ctx().upload({static_cast<long>(c.ids.size())}, c.ids, Type::u32);
-    b.starts = ctx().upload({static_cast<long>(c.starts.size())}, c.starts, Type::u32);
+    const selftest::RecordsOnDevice d = selftest::upload_records(ctx(), c, 20);
     const DevicePicture out = make_picture(ctx(), width, height, maps);
     for (const Tensor& t : maps_of(out))
       if (t) ctx().write(t, std::vector<float>(static_cast<std::size_t>(t.count()), NAN).data());
-    rasterize_surfels_forward(ctx(), {p, b, part, background, out, static_cast<float>(o.options.near),
+    rasterize_surfels_forward(ctx(), {d.p, d.b, part, background, out, static_cast<float>(o.options.near),
                                       o.current ? SurfelRevision::current : SurfelRevision::lara});
     return out;
   }

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "model/diagnose/selftest/inputs/records.h"
+#include "model/diagnose/selftest/inputs/records_on_device.h"
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "tests/support/counted.h"
 #include "tests/support/operation.h"
@@ -15,12 +15,13 @@ namespace {
 class Rasterize : public test::FlavourTest {
  protected:
   // Starts as NaN, so that what is not drawn shows.
-  DevicePicture draw(const Projected& p, const Binned& b, const Part& part, int width, int height,
+  DevicePicture draw(const selftest::Records& c, const Part& part, int width, int height,
                      const std::array<float, 3>& background) {
+    const selftest::RecordsOnDevice d = selftest::upload_records(ctx(), c);
     const DevicePicture out = make_picture(ctx(), width, height);
     for (const Tensor& t : {out.colour, out.alpha, out.depth})
       ctx().write(t, std::vector<float>(static_cast<std::size_t>(t.count()), NAN).data());
-    rasterize_forward(ctx(), {p, b, part, background, out});
+    rasterize_forward(ctx(), {d.p, d.b, part, background, out});
     return out;
   }
 };
@@ -28,14 +29,9 @@ class Rasterize : public test::FlavourTest {
 // 0.99 twice leaves 0.0001 less a rounding: the second would bring transmittance under 1e-4 and is not drawn.
 TEST_P(Rasterize, StopsBeforeTheThresholdIsPassed) {
   const std::vector<float> record{8, 8, 100, 2, 0, 0, -1e-9f, -1e-9f, 1, 1, 1, 0};
-  std::vector<float> records;
-  for (int i = 0; i < 3; ++i) records.insert(records.end(), record.begin(), record.end());
-  Projected p;
-  p.records = ctx().upload({3, 12}, records);
-  Binned b;
-  b.ids = ctx().upload({3}, std::vector<std::uint32_t>{0, 1, 2}, Type::u32);
-  b.starts = ctx().upload({2}, std::vector<std::uint32_t>{0, 3}, Type::u32);
-  const DevicePicture got = draw(p, b, {0, 0, 1, 1}, 16, 16, {0, 0, 0});
+  selftest::Records c{{}, {0, 1, 2}, {0, 3}};
+  for (int i = 0; i < 3; ++i) c.records.insert(c.records.end(), record.begin(), record.end());
+  const DevicePicture got = draw(c, {0, 0, 1, 1}, 16, 16, {0, 0, 0});
   for (const float a : ctx().read<float>(got.alpha)) EXPECT_EQ(a, 0.99f);
 }
 
@@ -43,15 +39,10 @@ TEST_P(Rasterize, StopsBeforeTheThresholdIsPassed) {
 TEST_P(Rasterize, CountsWhatItBlendsInAProfiledRun) {
   const int width = 53, height = 40;
   const selftest::Records c = selftest::make_records(width, height, 300, 0.9f, 5);
-  Projected p;
-  p.records = ctx().upload({static_cast<long>(c.records.size() / 12), 12}, c.records);
-  Binned b;
-  b.ids = ctx().upload({static_cast<long>(c.ids.size())}, c.ids, Type::u32);
-  b.starts = ctx().upload({static_cast<long>(c.starts.size())}, c.starts, Type::u32);
   const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
-  const DevicePicture plain = draw(p, b, whole, width, height, {0.25f, 0.5f, 1});
+  const DevicePicture plain = draw(c, whole, width, height, {0.25f, 0.5f, 1});
   DevicePicture counted;
-  const auto again = [&] { counted = draw(p, b, whole, width, height, {0.25f, 0.5f, 1}); };
+  const auto again = [&] { counted = draw(c, whole, width, height, {0.25f, 0.5f, 1}); };
   const ProfileRow once = test::profiled_row(ctx(), "rasterize_forward", again);
   const ProfileRow twice = test::profiled_row(ctx(), "rasterize_forward", [&] { again(), ctx().finish(), again(); });
   EXPECT_EQ(ctx().read<float>(plain.colour), ctx().read<float>(counted.colour));
