@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "model/render/render.h"
+
 namespace vsplat::test {
 
 // 99.9 % of the values within 2e-3 of the largest (or `least`), their mean within 1e-5.
@@ -27,6 +29,13 @@ inline ::testing::AssertionResult close_but_for_flips(const std::vector<float>& 
   const double mean = sum / static_cast<double>(errors.size());
   if (q <= 2e-3 && mean <= 1e-5) return ::testing::AssertionSuccess();
   return ::testing::AssertionFailure() << "99.9 % within " << q << ", mean " << mean;
+}
+
+// The same bits in every map.
+inline void expect_same(const Picture& got, const Picture& want) {
+  for (Image Picture::*map :
+       {&Picture::colour, &Picture::alpha, &Picture::depth, &Picture::normal, &Picture::median, &Picture::distortion})
+    EXPECT_EQ((got.*map).data, (want.*map).data);
 }
 
 }  // namespace vsplat::test

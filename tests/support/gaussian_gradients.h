@@ -7,6 +7,7 @@
 #include "model/base/gaussians.h"
 #include "model/diagnose/selftest/inputs/se3.h"
 #include "model/diagnose/selftest/reference/differences.h"
+#include "model/render/render.h"
 #include "tests/support/compare.h"
 
 namespace vsplat::test {
@@ -27,6 +28,15 @@ inline void expect_close(const Gaussians& got, const Gaussians& want, double tol
 
 inline void expect_same(const Gaussians& got, const Gaussians& want) {
   for (const auto& [name, values] : kGaussianFields) EXPECT_EQ(got.*values, want.*values) << name;
+}
+
+// The scene, uploaded chunk by chunk. It must outlive them.
+inline GaussianChunks in_chunks(const Gaussians& g) {
+  const auto chunk_at = [&g](Context& on, long i) {
+    const long first = i * kChunkUnit;
+    return upload(on, g, first, std::min(static_cast<long>(g.count) - first, kChunkUnit));
+  };
+  return {static_cast<long>(g.count), g.sh_degree, kChunkUnit, chunk_at, g.kind};
 }
 
 // Compares gradients with fourth-order differences of `loss` at a scene and a camera: of steps `step` and twice that,

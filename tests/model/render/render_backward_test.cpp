@@ -193,11 +193,7 @@ TEST_P(RenderBackward, TakesAScenesChunks) {
   const Gaussians g = test::make_scene(c, 47);
   const Camera cam = test::make_camera(c, 47);
   const Picture cotangent = random_cotangent(cam.width, cam.height);
-  const auto chunk_at = [&g](Context& on, long i) {
-    const long first = i * kChunkUnit;
-    return upload(on, g, first, std::min(static_cast<long>(g.count) - first, kChunkUnit));
-  };
-  const GaussianChunks chunks(static_cast<long>(g.count), g.sh_degree, kChunkUnit, chunk_at);
+  const GaussianChunks chunks = test::in_chunks(g);
   ASSERT_EQ(chunks.chunks(), 2);
   const Gradient want = differentiate(ctx(), upload(ctx(), g), {cam}, {}, {cotangent});
   const Gradient got = differentiate(ctx(), chunks, {cam}, {}, {cotangent});
@@ -215,8 +211,8 @@ TEST_P(RenderBackward, IsZeroWhereTheLossIs) {
   std::array<double, 6> pose{1, 1, 1, 1, 1, 1};
   render_backward(ctx(), scene, cam, {}, {}, out, &pose);
   const Gaussians got = download(ctx(), out, 1);
-  for (const auto* v : {&got.means, &got.scales, &got.quats, &got.opacities, &got.sh})
-    EXPECT_TRUE(std::all_of(v->begin(), v->end(), [](float x) { return x == 0; }));
+  for (const auto& [name, values] : test::kGaussianFields)
+    EXPECT_EQ(got.*values, std::vector<float>((got.*values).size(), 0.0f)) << name;
   for (const double v : pose) EXPECT_EQ(v, 0);
 }
 

@@ -81,15 +81,6 @@ TEST_P(RenderSurfels, MapsAreOfSurfelsAlone) {
   EXPECT_FALSE(plain.colour.empty() || plain.depth.empty());
 }
 
-void expect_same(const Picture& got, const Picture& want) {
-  EXPECT_EQ(got.colour.data, want.colour.data);
-  EXPECT_EQ(got.alpha.data, want.alpha.data);
-  EXPECT_EQ(got.depth.data, want.depth.data);
-  EXPECT_EQ(got.normal.data, want.normal.data);
-  EXPECT_EQ(got.median.data, want.median.data);
-  EXPECT_EQ(got.distortion.data, want.distortion.data);
-}
-
 // However little memory there is, the maps have the same bits, whether drawn in parts or uploaded in chunks.
 TEST_P(RenderSurfels, DrawsInPartsWhatDoesNotFit) {
   const SceneCase c{"", 150000, 0, 300, 200, ""};
@@ -106,7 +97,7 @@ TEST_P(RenderSurfels, DrawsInPartsWhatDoesNotFit) {
                   [&](Context& on, const Part&, const Projected&, const Binned&) { parts += !on.planning(); });
     EXPECT_EQ(parts > 1, gib < 0.02) << gib;
     EXPECT_EQ(scene.chunks() > 1, gib < 0.02) << gib;
-    expect_same(render_picture(*small, scene, cam, all_maps()), want);
+    test::expect_same(render_picture(*small, scene, cam, all_maps()), want);
     EXPECT_LE(static_cast<double>(small->memory().peak()), gib * (1 << 30));
   }
 }
@@ -244,13 +235,7 @@ TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
   const Camera cam = test::make_camera(c, 47);
   const SurfelsGradient want =
       differentiate(ctx(), upload(ctx(), g), cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
-  const GaussianChunks chunks(
-      static_cast<long>(g.count), g.sh_degree, kChunkUnit,
-      [&g](Context& on, long i) {
-        const long first = i * kChunkUnit;
-        return upload(on, g, first, std::min(static_cast<long>(g.count) - first, kChunkUnit));
-      },
-      GaussianKind::surfel);
+  const GaussianChunks chunks = test::in_chunks(g);
   ASSERT_EQ(chunks.chunks(), 2);
   const SurfelsGradient same = differentiate(ctx(), chunks, cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
   test::expect_close(same.gaussians, want.gaussians, 0);

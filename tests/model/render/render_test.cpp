@@ -99,10 +99,7 @@ TEST_P(Render, GivesTheSameBytesEveryTime) {
   const Camera cam = test::make_camera(c, 8);
   const Picture first = render_picture(ctx(), upload(ctx(), g), cam, {});
   for (int i = 0; i < 2; ++i) {
-    const Picture again = render_picture(ctx(), upload(ctx(), g), cam, {});
-    EXPECT_EQ(first.colour.data, again.colour.data);
-    EXPECT_EQ(first.alpha.data, again.alpha.data);
-    EXPECT_EQ(first.depth.data, again.depth.data);
+    test::expect_same(render_picture(ctx(), upload(ctx(), g), cam, {}), first);
   }
 }
 
@@ -165,10 +162,8 @@ TEST_P(Render, ExactTilesChangeNoBit) {
     RenderOptions options;
     const Picture want = render_picture(ctx(), g, cam, options);
     options.exact_tiles = true;
-    const Picture got = render_picture(ctx(), g, cam, options);
-    EXPECT_EQ(got.colour.data, want.colour.data) << c.name;
-    EXPECT_EQ(got.alpha.data, want.alpha.data) << c.name;
-    EXPECT_EQ(got.depth.data, want.depth.data) << c.name;
+    SCOPED_TRACE(c.name);
+    test::expect_same(render_picture(ctx(), g, cam, options), want);
   }
 }
 
@@ -188,10 +183,7 @@ TEST_P(Render, DrawsInPartsWhatDoesNotFit) {
                   [&](Context& on, const Part&, const Projected&, const Binned&) { parts += !on.planning(); });
     EXPECT_EQ(parts > 1, gib < 0.02) << gib;
     EXPECT_EQ(scene.chunks() > 1, gib < 0.02) << gib;
-    const Picture got = render_picture(*small, scene, cam, {});
-    EXPECT_EQ(got.colour.data, want.colour.data) << gib;
-    EXPECT_EQ(got.alpha.data, want.alpha.data) << gib;
-    EXPECT_EQ(got.depth.data, want.depth.data) << gib;
+    test::expect_same(render_picture(*small, scene, cam, {}), want);
     EXPECT_LE(static_cast<double>(small->memory().peak()), gib * (1 << 30));
   }
 }
