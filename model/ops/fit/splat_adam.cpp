@@ -1,7 +1,6 @@
 #include "model/ops/fit/splat_adam.h"
 
 #include <cmath>
-#include <vector>
 
 #include "runtime/fail.h"
 
@@ -24,16 +23,14 @@ void splat_adam(Context& ctx, const SplatAdam& a) {
   const long width = count / a.param.dim(0), head = a.head > 0 ? a.head : width;
   const auto t = static_cast<double>(a.step);
   const double unbiased = 1 / (1 - std::pow(a.beta1, t)), root = 1 / std::sqrt(1 - std::pow(a.beta2, t));
-  std::vector<float> rates(static_cast<std::size_t>(16 * width));
-  for (long i = 0; i < 16 * width; ++i)
-    rates[static_cast<std::size_t>(i)] = static_cast<float>((i % width < head ? a.rate : a.rate_rest) * unbiased);
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto values = static_cast<double>(count);
   ctx.launch({"splat_adam", cpu ? "splat_adam_cpu" : "splat_adam_gpu", ""},
              cpu ? items((count + kBlock - 1) / kBlock, 1) : items(count), {15 * values, 32 * values}, written(a.param),
-             written(a.grad), written(a.m), written(a.v), ctx.upload({width, 16}, rates, Type::f32, "rates"), count,
-             width, static_cast<float>(1 - a.beta1), static_cast<float>(1 - a.beta2), static_cast<float>(a.eps),
-             static_cast<float>(root), a.low, a.high, a.sparse ? 1 : 0);
+             written(a.grad), written(a.m), written(a.v), count, width, head, static_cast<float>(a.rate * unbiased),
+             static_cast<float>(a.rate_rest * unbiased), static_cast<float>(1 - a.beta1),
+             static_cast<float>(1 - a.beta2), static_cast<float>(a.eps), static_cast<float>(root), a.low, a.high,
+             a.sparse ? 1 : 0);
 }
 
 }  // namespace vsplat
