@@ -227,7 +227,7 @@ void add_scene_options(CLI::App& sub, FitOptions& o) {
                  "0.5 for an object with many views and without --max-gaussians, else 1)")
       ->type_name("SHARE")
       ->group(what);
-  sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 with many views)")
+  sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, 3 with many views)")
       ->check(one_of({"0", "1", "2", "3"}))
       ->type_name("0..3")
       ->group(what);

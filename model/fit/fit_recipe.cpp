@@ -12,6 +12,8 @@ constexpr double kObjectShare = 0.5;
 // lower: else colours are fitted to the latest pictures, and to what only one shows. Objects lose 0.2 dB by it.
 constexpr double kVisitsToFall = 20, kVisitsToLower = 125;
 constexpr double kLeastFall = 0.1;
+// The rate of an object's positions falls to this over the steps, within the limits: long fits end at rest.
+constexpr double kMeansFall = 200, kLeastMeansFall = 0.01, kMostMeansFall = 0.1;
 constexpr double kMergedPerPixel = 0.75;                 // half of what an object may grow to
 constexpr double kPixelsOfGaussian = 3;                  // a Gaussian takes as long in a step as so many pixels
 constexpr long kLeastBetween = 100, kMeasurements = 20;  // measured so often, but not after fewer steps
@@ -37,7 +39,7 @@ FitRecipe for_few() {
 FitRecipe for_many(FitQuality quality, double object_pixels, long count) {
   FitRecipe out;
   out.steps = steps_of(quality) * 5 / 4;  // the last quarter runs with half of the Gaussians
-  out.least_degree = 2;
+  out.least_degree = 3;
   out.options.ssim_weight = 0.2f;
   out.options.opacity_weight = 0.0005f;
   out.options.scale_weight = 0.1f;
@@ -51,7 +53,6 @@ FitRecipe for_many(FitQuality quality, double object_pixels, long count) {
 FitRecipe for_whole(const FitRequest& request, double pixels, long count) {
   FitRecipe out = for_many(request.quality, pixels, count);
   out.steps = steps_of(request.quality);
-  out.least_degree = 3;
   FitOptions& o = out.options;
   o.rates.means = request.scattered ? 1e-3 : 3e-4;
   o.opacity_weight = 0;
@@ -117,6 +118,8 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
     const double visits = static_cast<double>(out.steps) / static_cast<double>(views);
     o.sh_fall = std::clamp(kVisitsToFall / visits, kLeastFall, 1.0);
     o.rates.sh_rest *= std::sqrt(std::min(1.0, kVisitsToLower / visits));
+  } else if (many) {
+    o.means_fall = std::clamp(kMeansFall / static_cast<double>(out.steps), kLeastMeansFall, kMostMeansFall);
   }
   if (many) out.measure_every = std::max(kLeastBetween, out.steps / kMeasurements);
   if (many) o.steps = out.steps;

@@ -144,7 +144,7 @@ typedef struct vsplat_fit_options {
                      and the one at the end; making the start and measuring count too */
   uint64_t max_gaussians; /* limit of growth; 0: chosen from the pictures; with few views the scene does not grow. For
                              VSPLAT_FIT_POINTS and _RANDOM it also limits the number at the start */
-  int32_t sh_degree;      /* 0 to 3; -1: the start's with few views, at least 2 with many */
+  int32_t sh_degree;      /* 0 to 3; -1: the start's with few views, 3 with many */
   int32_t longest; /* longer side of the pictures in pixels, scaled down by area; 0: unscaled; -1: by `quality` */
   uint32_t freeze; /* bits of vsplat_freeze */
   uint64_t seed;
