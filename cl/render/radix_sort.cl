@@ -1,12 +1,13 @@
 // Stable radix sort, least significant digit first. One pass orders by one digit, the bits of `mask` after `shift`:
-// histogram, exclusive scan of the histogram, scatter. A block is a run of `block` keys that its owner reads in order,
+// histogram, exclusive scan of the histogram, scatter. In the cpu flavour, which has few blocks, the scatter does the
+// scan, too: a launch takes longer than that. A block is a run of `block` keys that its owner reads in order,
 // so equal digits keep their order, and nothing depends on timing.
 // ```
 // argument           type     shape            what
 // keys               u32      [n]              u64 with -DKEY64
 // values             u32      [n]              moved with the keys; null: each key's index
 // histogram          u32      [mask+1,blocks]  written by the histogram: the number of keys of each digit in each block
-// offsets            u32      [mask+1,blocks]  the histogram's exclusive scan
+// offsets            u32      [mask+1,blocks]  the histogram's exclusive scan; gpu flavour only
 // out_keys           as keys  [n]              written by the scatter; not keys itself
 // out_values         u32      [n]              written by the scatter; not values itself
 // define DIGIT_BITS  8                         bits of the largest digit: mask < 2^DIGIT_BITS
@@ -41,13 +42,18 @@ kernel void radix_histogram_cpu(global const key_type* keys, global uint* histog
   for (uint d = 0; d <= mask; ++d) histogram[d * blocks + b] = count[d];
 }
 
-kernel void radix_scatter_cpu(global const key_type* keys, global const uint* values, global const uint* offsets,
+kernel void radix_scatter_cpu(global const key_type* keys, global const uint* values, global const uint* histogram,
                               global key_type* out_keys, global uint* out_values, uint n, uint block, uint blocks,
                               int shift, uint mask) {
   const uint b = get_global_id(0);
   if (b >= blocks) return;
-  uint at[DIGITS];
-  for (uint d = 0; d <= mask; ++d) at[d] = offsets[d * blocks + b];
+  uint at[DIGITS], sum = 0;
+  for (uint d = 0; d <= mask; ++d) {
+    for (uint other = 0; other < blocks; ++other) {
+      if (other == b) at[d] = sum;
+      sum += histogram[d * blocks + other];
+    }
+  }
   const uint end = min(n, (b + 1) * block);
   for (uint i = b * block; i < end; ++i) {
     const key_type key = keys[i];

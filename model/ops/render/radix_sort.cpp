@@ -55,14 +55,14 @@ Sorted radix_sort(Context& ctx, Tensor keys, Tensor values, int bits) {
   Sorted other{ctx.tensor({n}, keys.type(), "radix_sort.keys"), ctx.tensor({n}, Type::u32, "radix_sort.values")};
   const long digits = 1L << digit;
   const Tensor histogram = ctx.tensor({digits * blocks}, Type::u32, "radix_sort.histogram");
-  const Tensor offsets = ctx.tensor({digits * blocks + 1}, Type::u32, "radix_sort.offsets");
+  const Tensor offsets = cpu ? histogram : ctx.tensor({digits * blocks + 1}, Type::u32, "radix_sort.offsets");
   for (int pass = 0; pass < passes; ++pass) {
     const int shift = pass * digit;
     const long here = 1L << std::min(digit, bits - shift);  // the last digit may be shorter
     const auto mask = static_cast<unsigned>(here - 1);
     ctx.launch(count, range, {0, key_bytes}, keys, written(histogram), static_cast<unsigned>(n),
                static_cast<unsigned>(block), static_cast<unsigned>(blocks), shift, mask);
-    exclusive_scan(ctx, histogram.first(here * blocks), offsets.first(here * blocks + 1));
+    if (!cpu) exclusive_scan(ctx, histogram.first(here * blocks), offsets.first(here * blocks + 1));
     ctx.launch(scatter, range, {0, 2 * key_bytes + 8.0 * static_cast<double>(n)}, keys, values, offsets,
                written(other.keys), written(other.values), static_cast<unsigned>(n), static_cast<unsigned>(block),
                static_cast<unsigned>(blocks), shift, mask);
