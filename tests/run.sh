@@ -24,6 +24,8 @@ while :; do
 done
 
 cmake/install-packages.sh --tests
+# Mesa's clover loses 128 bytes on AMD's processors, in a module that it unloads, so that no suppression can name it.
+if [ $preset = asan ] && [ -f /etc/OpenCL/vendors/pocl.icd ]; then export OCL_ICD_VENDORS="${OCL_ICD_VENDORS-/etc/OpenCL/vendors/pocl.icd}"; fi
 cmake --preset $preset -DVSPLAT_TESTS=ON -DVSPLAT_REQUIRE_ALL_TESTS=$strict $quick
 cmake --build --preset $preset
 results=$PWD/build/$preset/tests.xml cases=$PWD/build/$preset/test_cases

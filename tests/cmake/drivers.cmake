@@ -6,7 +6,7 @@
 set(nothing_ran "Running 0 tests")
 set(some_skipped "SKIPPED \\] [0-9]+ tests?, listed below:\n(\\[  SKIPPED \\] [^\n]*\n?)*$")
 if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
-  set(on_rusticl "RUSTICL_ENABLE=llvmpipe;VSPLAT_DEVICE=llvmpipe")
+  set(on_rusticl "OCL_ICD_VENDORS=/etc/OpenCL/vendors/rusticl.icd;RUSTICL_ENABLE=llvmpipe;VSPLAT_DEVICE=llvmpipe")
   if(VSPLAT_SANITIZE)
     # llvmpipe registers its kernels' stack frames, and the first search for a frame sorts them under a lock, in memory for which the sanitizer
     # would record a full call stack, which searches for frames again. So the sanitizer must not record full stacks, nor search for leaks.
