@@ -39,11 +39,17 @@ ForeignFile other_mesh(const std::string& path, const std::string& name) {
   return {name + ", a mesh", fmt::format("vsplat dataset render {} draws it", name_in_command(path))};
 }
 
+ForeignFile video(const std::string& path, const std::string& kind) {
+  return {fmt::format("a video ({})", kind),
+          fmt::format("take pictures out of it: ffmpeg -i {} -r 2 %04d.png", name_in_command(path))};
+}
+
 bool has_text(std::string_view begin, std::string_view text) { return begin.find(text) != begin.npos; }
 
 // ISO media files (HEIC, AVIF, video), identified by their brand.
 std::optional<ForeignFile> media_kind(const std::string& path, std::string_view begin) {
-  if (begin.size() < 12 || begin.substr(4, 4) != "ftyp") return std::nullopt;
+  // A text may have these letters there, too, but no size of a box, which is far below 2^24.
+  if (begin.size() < 12 || begin[0] != '\0' || begin.substr(4, 4) != "ftyp") return std::nullopt;
   const std::string_view brand = begin.substr(8, 4);
   if (brand == "avif" || brand == "avis") return other_picture(path, "an AVIF picture", "avifdec");
   for (const std::string_view one : {"heic"sv, "heix"sv, "heim"sv, "heis"sv, "hevc"sv, "hevx"sv, "mif1"sv, "msf1"sv})
@@ -52,8 +58,7 @@ std::optional<ForeignFile> media_kind(const std::string& path, std::string_view 
                  ? other_picture(path, "an AVIF picture", "avifdec")
                  : other_picture(path, "a HEIC picture, as phones take them", "heif-convert");
   if (brand == "crx "sv) return other_picture(path, "a camera's raw picture (CR3)", "darktable-cli");
-  return ForeignFile{"a film (MP4 or MOV)",
-                     fmt::format("take pictures out of it: ffmpeg -i {} -r 2 %04d.png", name_in_command(path))};
+  return video(path, "MP4 or MOV");
 }
 
 std::optional<ForeignFile> archive_kind(const std::string& path, std::string_view begin) {
@@ -129,9 +134,10 @@ std::optional<ForeignFile> by_beginning(const std::string& path, std::string_vie
     return other_picture(path, "a PNM picture", "convert");
   if (begin.starts_with("FUJIFILM")) return other_picture(path, "a camera's raw picture (RAF)", "darktable-cli");
   if (begin.starts_with("%PDF")) return ForeignFile{"a PDF"};
-  if (begin.starts_with("\x1a\x45\xdf\xa3"))
-    return ForeignFile{"a film (WebM or MKV)",
-                       fmt::format("take pictures out of it: ffmpeg -i {} -r 2 %04d.png", name_in_command(path))};
+  if (begin.starts_with("\x1a\x45\xdf\xa3")) return video(path, "WebM or MKV");
+  if (begin.starts_with("RIFF") && begin.size() >= 12 && begin.substr(8, 4) == "AVI ") return video(path, "AVI");
+  if (begin.starts_with("SQLite format 3")) return ForeignFile{"a database, as COLMAP's features are kept in"};
+  if (begin.starts_with("BM") && lower_ending(path) == ".bmp") return ForeignFile{"a BMP picture"};
   if (begin.starts_with("\x89HDF\r\n")) return ForeignFile{"an HDF5 file"};
   if (begin.starts_with("\x93NUMPY")) return ForeignFile{"a NumPy array"};
   if (begin.starts_with("\x80\x02") || begin.starts_with("\x80\x04")) return ForeignFile{"a Python pickle"};

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "model/io/any_case.h"
+#include "model/io/foreign_file.h"
 #include "model/io/views/cameras_json.h"
 #include "model/io/views/colmap.h"
 #include "model/io/views/listed_file.h"
@@ -38,45 +39,15 @@ bool is_there(const fs::path& file) {
   return fs::is_regular_file(file, error);
 }
 
-// The kind of a file by its first bytes; "" if unknown.
-std::string kind_of(const fs::path& file) {
-  std::array<char, 64> bytes{};
+// What a file that is no list is; none if it may be JSON.
+std::optional<ForeignFile> other_file(const fs::path& file) {
+  std::array<char, 4096> bytes{};
   std::ifstream in(file, std::ios::binary);
   in.read(bytes.data(), bytes.size());
   const std::string_view head(bytes.data(), static_cast<std::size_t>(in.gcount()));
-  const auto at = [&](std::size_t place, std::string_view text) {
-    return head.size() >= place + text.size() && head.substr(place, text.size()) == text;
-  };
-  struct Magic {
-    std::string_view text;
-    const char* kind;
-  };
-  static constexpr Magic known[] = {{"\xff\xd8\xff", "a JPEG picture"},
-                                    {"\x89PNG", "a PNG picture"},
-                                    {"\x76\x2f\x31\x01", "an OpenEXR picture"},
-                                    {{"II*\0", 4}, "a TIFF picture"},
-                                    {{"MM\0*", 4}, "a TIFF picture"},
-                                    {"GIF8", "a GIF picture"},
-                                    {"\x1a\x45\xdf\xa3", "a video"},
-                                    {"SQLite format 3", "a database, as COLMAP's features are kept in"},
-                                    {"ply\n", "a PLY file, a scene or points"},
-                                    {"ply\r", "a PLY file, a scene or points"},
-                                    {"\x89HDF", "an HDF5 file"},
-                                    {"glTF", "a glTF mesh"},
-                                    {"PK\x03\x04", "a ZIP archive"},
-                                    {"\x1f\x8b", "a gzip archive"}};
-  for (const Magic& magic : known)
-    if (at(0, magic.text)) return magic.kind;
-  // Where the name does not come first, it may also stand in a text.
-  if (at(0, "RIFF") && at(8, "WEBP")) return "a WebP picture";
-  if (at(0, "RIFF") && at(8, "AVI ")) return "a video";
-  if (at(0, {"\0", 1}) && at(4, "ftyp")) {
-    for (const char* brand : {"heic", "heix", "mif1"})
-      if (at(8, brand)) return "a HEIC picture";
-    return at(8, "avif") ? "an AVIF picture" : "a video";
-  }
-  if (at(0, "BM") && has_picture_ending(file)) return "a BMP picture";
-  return "";
+  const std::size_t first = head.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+  if (first != head.npos && (head[first] == '{' || head[first] == '[')) return std::nullopt;
+  return what_file_is(file.string(), head);
 }
 
 // The command that finds the cameras of a folder of pictures, or of a video.
@@ -161,8 +132,8 @@ std::string doubled_names(const fs::path& folder) {
   fail(Status::file, "{}: {}; {}", folder.string(), no_list, there);
 }
 
-[[noreturn]] void refuse_file(const fs::path& file, const std::string& kind) {
-  const std::string text = file.string();
+[[noreturn]] void refuse_file(const fs::path& file, const ForeignFile& other) {
+  const std::string text = file.string(), kind = other.name;
   if (kind.find("picture") != std::string::npos) {
     const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
     fail(Status::format, "{}: is {}, and a list of cameras is expected: {}", text, kind,
@@ -170,8 +141,8 @@ std::string doubled_names(const fs::path& folder) {
              ? fmt::format("give its folder {}, and the picture's name as {}", folder.string(), Option::views)
              : how_to_get_poses(folder));
   }
-  if (kind == "a video")
-    fail(Status::format, "{}: is a video, and a list of cameras is expected: {}", text, how_to_get_poses(file));
+  if (kind.starts_with("a video"))
+    fail(Status::format, "{}: is {}, and a list of cameras is expected: {}", text, kind, how_to_get_poses(file));
   fail(Status::format,
        "{}: is {}, and a list of cameras is expected: a transforms.json, a cameras.json, a COLMAP model "
        "or the folder with one",
@@ -264,7 +235,7 @@ ViewSet read_view_list(const fs::path& path, const ReadOptions& options) {
     if (lower_case(name) == lower_case(part))
       return read_colmap(path.has_parent_path() ? path.parent_path() : fs::path("."));
   if (is_there(path))
-    if (const std::string kind = kind_of(path); !kind.empty()) refuse_file(path, kind);
+    if (const auto other = other_file(path)) refuse_file(path, *other);
   return read_json_list(path, options.need_pictures);
 }
 

@@ -288,6 +288,7 @@ TEST_F(ViewFiles, WhatIsNoListIsNamed) {
   refused("c.json", "{\"fl_x\":AVI }", {"c.json", "JSON"});
   refused("d.ply", "ply\nformat", {"a PLY file"});
   refused("e.db", "SQLite format 3", {"a database"});
+  refused("e.json", "", {"an empty file"});
   refused("f.json", "{\"views\": [], \"extrinsics\": []}", {"neither", "views", "extrinsics"});
   write_model("sparse/0", {"1.png"});
   refused("a.jpg", "\xff\xd8\xff\xe0", {"a JPEG picture", "give its folder"});
