@@ -1,7 +1,8 @@
-#include "model/ops/networks/project_features.h"
+#include "model/diagnose/selftest/reference/project_features.h"
 
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/camera_ring.h"
+#include "model/ops/networks/project_features.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -38,7 +38,8 @@ inline std::vector<double> lift_samples(const std::vector<float>& features, long
                                         const std::vector<Camera>& cameras, int image, bool half_pixel, int volume) {
   std::vector<double> out, one;
   for (int voxel = 0; voxel < volume * volume * volume; ++voxel) {
-    const Eigen::Vector3d at(voxel / (volume * volume), voxel / volume % volume, voxel % volume);
+    const int x = voxel / (volume * volume), y = voxel / volume % volume, z = voxel % volume;
+    const Eigen::Vector3d at(x, y, z);
     for (std::size_t v = 0; v < cameras.size(); ++v) {
       sample_view(features, t, channels, static_cast<long>(v), cameras[v], image, half_pixel,
                   (at.array() + 0.5) / volume - 0.5, one);
