@@ -1,5 +1,4 @@
-# The quick build of continuous integration and the sanitizers (`tests/run.sh --strict`, `--asan`): a clean build takes half of the
-# processor's time.
+# The quick build of tests/run.sh: a clean build takes half of the processor's time.
 #   vsplat_precompile(TARGET <header>...)  precompiles system headers that most sources of a target include. Our own headers are not among
 #                                          them, since a change of one would compile everything again.
 #   vsplat_precompile_as(TARGET OTHER)     uses the precompiled headers of OTHER, which is compiled with the same options
@@ -7,7 +6,7 @@
 #   vsplat_together(TARGET FOLDERS <folder>... [ALONE <source>...])
 #                                          compiles each folder's sources as one, since most of the time goes into headers. Sources listed
 #                                          under ALONE have names in unnamed namespaces that other sources of the folder have, too.
-# The ordinary build finds sources that do not include what they use; so do the linter and the fuzzers.
+# The ordinary build finds sources that do not include what they use (the slow test ordinary_build); so does the linter.
 option(VSPLAT_QUICK_BUILD "Precompile system headers, join sources, and hardly optimise tests and the command" OFF)
 function(vsplat_precompile target)
   if(VSPLAT_QUICK_BUILD)

@@ -1,5 +1,6 @@
 #include "model/render/supersample.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
