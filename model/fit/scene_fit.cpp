@@ -108,15 +108,15 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   if (request.consolidate > 0 && request.consolidate < 1 && used.size() < kManyViews && !request.whole)
     fail(Status::usage, "a consolidation needs {} views or more, {} are used", kManyViews, used.size());
   check_masks();
-  const std::vector<int> held = held_out_views(p.set, used, request);
-  const std::vector<int> fitted = without(used, held);
+  const std::vector<int> to_measure = held_out_views(p.set, used, request);
+  const std::vector<int> fitted = without(used, to_measure);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
-  const bool folds = request.holdout.kind == FitHoldout::Kind::automatic && held.empty() && !request.whole;
+  const bool folds = request.holdout.kind == FitHoldout::Kind::automatic && to_measure.empty() && !request.whole;
   if (folds && used.size() > 1)
     for (std::size_t i = 0; i < used.size(); ++i)
       phases.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
-  phases.push_back({"fitting", fitted, held});
-  held_out = folds && used.size() > 1 ? used : held;
+  phases.push_back({"fitting", fitted, to_measure});
+  held_out = folds && used.size() > 1 ? used : to_measure;
   // A single view cannot be left out, so the effect of further steps is unknown.
   unknown = folds && used.size() == 1;
   std::optional<FitCheckpoint> from;
@@ -233,8 +233,8 @@ void SceneFit::Impl::limit_growth(const Gaussians& start, float near, const Came
 
 // No drawing takes the memory of scenes and pictures, nor that for reading one.
 void SceneFit::Impl::hold_host_memory() {
-  const double left = static_cast<double>(host_memory_limit()) - static_cast<double>(reserved_host_memory());
-  held = HostMemory("a fit", std::clamp(budget.host + static_cast<double>(budget.on_host), 0.0, std::max(left, 0.0)));
+  const double most = static_cast<double>(host_memory_limit()) - static_cast<double>(reserved_host_memory());
+  held = HostMemory("a fit", std::clamp(budget.host + static_cast<double>(budget.on_host), 0.0, std::max(most, 0.0)));
 }
 
 // The largest number of steps that all of the first `rounds` folds have measured.

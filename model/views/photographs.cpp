@@ -25,9 +25,9 @@ bool is_kept(const ImageInfo& info) {
 // A mask that owns its picture's rows, scaled to the given size.
 class OwnedMask : public PixelRows {
  public:
-  OwnedMask(std::unique_ptr<PixelRows> picture, int width, int height, bool invert)
-      : PixelRows(width, height, 1), picture_(std::move(picture)), mask_(*picture_), invert_(invert) {
-    if (mask_.width != width || mask_.height != height) resized_.emplace(mask_, width, height);
+  OwnedMask(std::unique_ptr<PixelRows> picture, int w, int h, bool invert)
+      : PixelRows(w, h, 1), picture_(std::move(picture)), mask_(*picture_), invert_(invert) {
+    if (mask_.width != w || mask_.height != h) resized_.emplace(mask_, w, h);
   }
   void next(float* row) override {
     resized_ ? resized_->next(row) : mask_.next(row);

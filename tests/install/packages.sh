@@ -70,7 +70,7 @@ echo "-- data sets, with their package"
 if dpkg -l | grep -q "libembree\|libassimp\|libhdf5"; then echo "what data sets need came with the library"; exit 1; fi
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >mesh.obj
 if vsplat dataset procedural --count 1 --output set --views 1 --size 16 --quiet 2>err; then echo "drawn without the package"; exit 1; fi
-grep -q "libvsplat1-data is its package" err || { cat err; exit 1; }
+grep -q "package libvsplat1-data" err || { cat err; exit 1; }
 said $apt install ./libvsplat1-data_*.deb
 dpkg -L libvsplat1 libvsplat1-data libvsplat-dev vsplat | sort -u >/try/ours
 vsplat dataset render mesh.obj --output set --views 1 --size 16 --quiet

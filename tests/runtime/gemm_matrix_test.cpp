@@ -109,7 +109,7 @@ TEST_P(GemmMatrixTest, RefusesWhatDoesNotFit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Operands, GemmMatrixTest, ::testing::Values(Operands::bf16, Operands::tf32),
-                         [](const auto& info) { return info.param == Operands::bf16 ? "bf16" : "tf32"; });
+                         [](const auto& instance) { return instance.param == Operands::bf16 ? "bf16" : "tf32"; });
 
 // gemm() and convolutions in a context of mixed precision and the gpu kernels round operands if it pays off and exact
 // results are not requested.

@@ -110,7 +110,7 @@ TEST_P(GemmPairs, TakeLargeMatricesThatNeedNotBeExact) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Units, GemmPairs, ::testing::Values(MatrixUnit::emulated, MatrixUnit::avx512bf16),
-                         [](const auto& info) { return std::string(name_of(info.param)); });
+                         [](const auto& instance) { return std::string(name_of(instance.param)); });
 
 // The instruction takes operands below 2^-126 as zeros, and flushes such sums: for each of k terms, at most 2^-126
 // times the other operand, and 2^-126. Other numbers give the bits of the emulation.

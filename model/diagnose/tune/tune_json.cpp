@@ -50,8 +50,9 @@ std::string tune_json(const Context& ctx, const TuneResult& result) {
     TunedTrial of;
     of.shape = shape, of.values = values;
     Json one = line(of);
-    const auto t = std::find_if(trials.begin(), trials.end(),
-                                [&](const TunedTrial& t) { return t.shape == of.shape && t.values == of.values; });
+    const auto t = std::find_if(trials.begin(), trials.end(), [&](const TunedTrial& trial) {
+      return trial.shape == of.shape && trial.values == of.values;
+    });
     const bool timed = t != trials.end() && t->seconds > 0;
     one["seconds"] = timed ? Json(t->seconds) : Json();
     one["times_as_fast"] = timed ? Json(t->against / t->seconds) : Json();

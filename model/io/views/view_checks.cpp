@@ -137,6 +137,7 @@ Eigen::Matrix<double, Rows, Cols> matrix(const std::string& where, const char* f
   return out;
 }
 
+template Eigen::Matrix<double, 1, 6> matrix<1, 6>(const std::string&, const char*, const json&);
 template Eigen::Matrix<double, 3, 3> matrix<3, 3>(const std::string&, const char*, const json&);
 template Eigen::Matrix<double, 3, 4> matrix<3, 4>(const std::string&, const char*, const json&);
 template Eigen::Matrix<double, 4, 4> matrix<4, 4>(const std::string&, const char*, const json&);

@@ -131,9 +131,9 @@ class FitterTest : public test::FlavourTest {
                                   {true, true, objective.similar})[0];
     EXPECT_NEAR(ctx().read<float>(fitter.last_loss())[0], loss, 1e-5);
 
-    const auto compare = [&](std::vector<float> Parameters::*kind, const char* name, std::size_t channels = 1) {
+    const auto compare = [&](std::vector<float> Parameters::*member, const char* name, std::size_t channels = 1) {
       std::vector<double> want;
-      for (float& value : x.*kind) {
+      for (float& value : x.*member) {
         const float base = value;
         const auto slope = [&](float h) {
           const float low = base - h, high = base + h;
@@ -146,7 +146,7 @@ class FitterTest : public test::FlavourTest {
         };
         want.push_back((4 * slope(0x1p-10f) - slope(0x1p-9f)) / 3);
       }
-      EXPECT_TRUE(test::close_by_channel(got.*kind, want, channels, 2e-4)) << name;
+      EXPECT_TRUE(test::close_by_channel(got.*member, want, channels, 2e-4)) << name;
     };
     compare(&Parameters::means, "means");
     compare(&Parameters::log_scales, "log scales");
