@@ -12,8 +12,9 @@ constexpr double kObjectShare = 0.5;
 // lower: else colours are fitted to the latest pictures, and to what only one shows. Objects lose 0.2 dB by it.
 constexpr double kVisitsToFall = 20, kVisitsToLower = 125;
 constexpr double kLeastFall = 0.1;
-// The rate of an object's positions falls to this over the steps, within the limits: long fits end at rest.
-constexpr double kMeansFall = 200, kLeastMeansFall = 0.01, kMostMeansFall = 0.1;
+// The last rate of an object's positions, of its first: kStepsToRest / steps within the limits, so long fits end at
+// rest.
+constexpr double kStepsToRest = 200, kLeastMeansFall = 0.01, kMostMeansFall = 0.1;
 constexpr double kMergedPerPixel = 0.75;                 // half of what an object may grow to
 constexpr double kPixelsOfGaussian = 3;                  // a Gaussian takes as long in a step as so many pixels
 constexpr long kLeastBetween = 100, kMeasurements = 20;  // measured so often, but not after fewer steps
@@ -119,7 +120,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
     o.sh_fall = std::clamp(kVisitsToFall / visits, kLeastFall, 1.0);
     o.rates.sh_rest *= std::sqrt(std::min(1.0, kVisitsToLower / visits));
   } else if (many) {
-    o.means_fall = std::clamp(kMeansFall / static_cast<double>(out.steps), kLeastMeansFall, kMostMeansFall);
+    o.means_fall = std::clamp(kStepsToRest / static_cast<double>(out.steps), kLeastMeansFall, kMostMeansFall);
   }
   if (many) out.measure_every = std::max(kLeastBetween, out.steps / kMeasurements);
   if (many) o.steps = out.steps;

@@ -46,6 +46,20 @@ TEST(FitRecipe, TheMeanNumberOfGaussiansIsThatOfTheSteps) {
   EXPECT_EQ(mean_count(stays, 50, 200, 200), 200);
 }
 
+TEST(FitRecipe, LongFitsOfObjectsEndAtRest) {
+  FitRequest request;
+  for (const auto& [steps, fall] :
+       {std::pair(500L, 0.1), {2000L, 0.1}, {8000L, 0.025}, {20000L, 0.01}, {30000L, 0.01}}) {
+    request.steps = steps;
+    const FitRecipe object = fit_recipe(request, 20, 2000, 200);
+    EXPECT_EQ(object.options.means_fall, fall) << steps;
+    EXPECT_EQ(object.least_degree, 3);
+  }
+  request.whole = true;  // loses by it
+  EXPECT_EQ(fit_recipe(request, 20, 2000, 200).options.means_fall, 0.1);
+  EXPECT_EQ(fit_recipe({}, 4, 2000, 200).least_degree, 0);
+}
+
 TEST(FitRecipe, AStepGrowsWithTheGaussiansBesideThePixels) {
   EXPECT_EQ(step_growth(3000, 500, 500), 1);
   EXPECT_EQ(step_growth(3000, 500, 2000), 2);

@@ -12,14 +12,6 @@
 namespace vsplat::selftest {
 namespace {
 
-// Makes each Gaussian's quaternion another multiple of its length.
-void lengthen_quats(Gaussians& g, float by) {
-  for (std::size_t i = 0; i < g.quats.size(); ++i) {
-    const std::size_t gaussian = i / 4;
-    g.quats[i] *= by * static_cast<float>(1 + gaussian);
-  }
-}
-
 // Whether any pixel of tile (tx, ty) gets alpha >= 1/255, by a margin.
 bool touches(const ref::Splat& s, int tx, int ty) {
   const double det = s.a * s.c - s.b * s.b;

@@ -25,10 +25,7 @@ void project_surfels_backward_all(Checks& c) {
         check_projection(c, make_surfels(s, 31), make_camera(s, 31), ref::SurfelOptions{{}, current});
   const SceneCase s{"", 60, 3, 64, 64, ""};
   Gaussians g = make_surfels(s, 33);
-  for (std::size_t i = 0; i < g.quats.size(); ++i) {
-    const std::size_t gaussian = i / 4;
-    g.quats[i] *= 0.5f + 0.03125f * static_cast<float>(gaussian);
-  }
+  lengthen_quats(g, 0.03125f, 16);
   ref::SurfelOptions mirrored;
   mirrored.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
   check_projection(c, g, make_camera(s, 33), mirrored);
@@ -128,10 +125,7 @@ void project_surfels_all(Checks& c) {
   if (!c.all) return;
   const SceneCase s{"", 100, 2, 64, 64, ""};
   Gaussians g = make_surfels(s, 22);
-  for (std::size_t i = 0; i < g.quats.size(); ++i) {
-    const std::size_t gaussian = i / 4;
-    g.quats[i] *= 0.2f * static_cast<float>(1 + gaussian);
-  }
+  lengthen_quats(g, 0.2f);
   ref::SurfelOptions o;
   o.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
   o.options.near = 1.5f;

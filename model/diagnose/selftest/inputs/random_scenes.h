@@ -108,4 +108,12 @@ inline Camera make_camera(const SceneCase& c, std::uint32_t seed) {
   return cam;
 }
 
+// Makes each Gaussian's quaternion another multiple of its length: by * (first + its index).
+inline void lengthen_quats(Gaussians& g, float by, std::size_t first = 1) {
+  for (std::size_t i = 0; i < g.quats.size(); ++i) {
+    const std::size_t gaussian = i / 4;
+    g.quats[i] *= by * static_cast<float>(first + gaussian);
+  }
+}
+
 }  // namespace vsplat::selftest
