@@ -46,7 +46,7 @@ VSPLAT_OPERATION(SplatRelocateOp, splat_relocate)
 // One source and n - 1 that join it: the new opacity and the new scales, over all that they can be.
 TEST_P(SplatRelocateOp, SharesAgreeWithTheFormula) {
   double worst_opacity = 0, worst_scale = 0;
-  for (const std::size_t n : {2U, 3U, 4U, 5U, 7U, 12U, 20U, 33U, 50U, 51U, 52U, 64U, 200U})
+  for (const std::size_t n : {2U, 3U, 4U, 5U, 7U, 12U, 16U, 17U, 20U, 33U, 50U, 51U, 52U, 64U, 200U})
     for (const double opacity : {0.0051, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 0.995, 0.999, 0.9999}) {
       const std::size_t source = n / 2;
       std::vector<float> logits(n, kGone);
