@@ -1,6 +1,7 @@
 // Findings on machines unlike this one: with GPUs, in containers. tests/cli/doctor_test.py tests the rest.
 #include "model/diagnose/doctor.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,6 +10,7 @@
 #include <fstream>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "model/diagnose/personal.h"
 #include "tests/support/temporary.h"
@@ -161,10 +163,14 @@ TEST(Doctor, TellsAFileThatMayNotBeOpened) {
   EXPECT_EQ(files.render[0].problem, "Permission denied");
   Looked looked = with_a_processor();
   looked.files = files;
-  const std::vector<Finding> found = findings_of(looked);
-  ASSERT_TRUE(find(found, "device_file"));
-  EXPECT_EQ(find(found, "device_file")->about, node.string());
-  EXPECT_NE(find(found, "device_file")->mend.find("`sudo usermod -aG render $USER`"), std::string::npos);
+  for (const auto& [group, joined] : {std::pair{"video", "video"}, {"root", "render"}, {"", "render"}}) {
+    looked.files.render[0].group = group;
+    const std::vector<Finding> found = findings_of(looked);
+    ASSERT_TRUE(find(found, "device_file"));
+    EXPECT_EQ(find(found, "device_file")->about, node.string());
+    EXPECT_NE(find(found, "device_file")->mend.find(fmt::format("`sudo usermod -aG {} $USER`", joined)),
+              std::string::npos);
+  }
   // If one GPU can be used, no other is needed.
   looked.devices[0].seen.type = "gpu";
   EXPECT_FALSE(find(findings_of(looked), "device_file"));
