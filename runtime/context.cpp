@@ -61,7 +61,7 @@ Profiler& Context::profiler() { return impl_->profiler; }
 const std::vector<StageMemory>& Context::stage_memory() const { return impl_->stage_memory; }
 const std::string& Context::stage() const { return impl_->stage; }
 
-void Context::launch(const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
+void Context::launch(const KernelId& id, const Range& range, Cost cost, KernelArgs args) {
   for (const std::size_t size : range.global)
     if (size == 0) return;
   if (impl_->planning || impl_->collected) note(id, range, cost, local_bytes_of(args));
@@ -70,10 +70,10 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
   if (impl_->counts(id)) {
     KernelId counting = impl_->counting(id);
     counting.flops_per_count = 0;
-    std::vector<KernelArg> more = args;
+    std::vector<KernelArg> more(args.begin(), args.end());
     more.emplace_back(written_somewhere(impl_->counters.numbers(impl_->context, impl_->queue)));
     more.emplace_back(impl_->counters.number_of(impl_->stage, id.label ? id.label : id.name, id.flops_per_count));
-    return launch(counting, range, cost, more);
+    return launch(counting, range, cost, KernelArgs(more));
   }
   Impl::Built& built = impl_->kernel(id);
   const std::size_t group = check_range(id, range, built.limits, local_bytes_of(args), impl_->info);

@@ -5,6 +5,7 @@
 // Debugging: VSPLAT_CHECK=nan looks for NaN in the output of each launch, and VSPLAT_ARENA=guard for writes outside of
 // its tensors (runtime/launch_checks.h). A context reads these variables once, on construction.
 #pragma once
+#include <array>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -101,9 +102,9 @@ class Context {
     if (planning())
       note(kernel, range, cost, (std::size_t{0} + ... + local_bytes_of(args)));
     else
-      launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
+      launch(kernel, range, cost, KernelArgs(std::array<KernelArg, sizeof...(args)>{KernelArg(args)...}));
   }
-  void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
+  void launch(const KernelId& kernel, const Range& range, Cost cost, KernelArgs args);
   // Whether the kernel can run in groups of `group` work-items with `local_bytes` of local memory: by the limits that
   // the device reports and, except in a planner, by what its compiler reports for the kernel. Used to choose among
   // variants, largest first.

@@ -199,8 +199,7 @@ struct Context::Impl {
     return out;
   }
 
-  void enqueue(Built& built, const KernelId& id, const Range& range, const LaunchPart& part,
-               const std::vector<KernelArg>& args) {
+  void enqueue(Built& built, const KernelId& id, const Range& range, const LaunchPart& part, KernelArgs args) {
     const auto at_least_1 = [](std::size_t size) { return std::max<std::size_t>(size, 1); };
     const cl::NDRange offset(part.offset[0], part.offset[1], part.offset[2]);
     const cl::NDRange global(part.global[0], part.global[1], part.global[2]);
@@ -211,14 +210,14 @@ struct Context::Impl {
     if (first) profiler.add_compilation();
     const std::string name = id.label ? id.label : id.name;
     const std::uint64_t variant = profiler.enabled() ? hash_of(range, args) : 0;
-    record({name, stage, part.cost, first, 0, 0, variant, &range, &args},
+    record({name, stage, part.cost, first, 0, 0, variant, &range, args},
            [&](cl::Event* event) { queue.enqueueNDRangeKernel(built.kernel, offset, global, local, nullptr, event); });
     keep_pace(part.cost);
   }
 
   // Runs the checks that the environment asks for after each launch. Red zones come first: an overwritten one may cause
   // a NaN.
-  void check_launch(const std::string& name, const std::vector<KernelArg>& args) {
+  void check_launch(const std::string& name, KernelArgs args) {
     if (guards) check_red_zones(queue, *arena, name, args);
     if (checks_nan) check_for_nan(queue, name, args);
   }

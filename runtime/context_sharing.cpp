@@ -22,7 +22,8 @@ void Context::record_foreign(const std::string& name, Cost cost, void* event, co
     owned.wait();
     impl_->profiler.add_host(launch, start, now_ns());
   }
-  impl_->check_launch(name, {out});
+  const KernelArg args[] = {out};
+  impl_->check_launch(name, args);
   impl_->keep_pace(cost);
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 #include <array>
 #include <cstddef>
+#include <span>
 #include <string>
 #include <variant>
 
@@ -62,5 +63,6 @@ inline Written written_somewhere(const Tensor& tensor) { return {tensor, 0, 0}; 
 
 // A long becomes an int on the device; launch() rejects values that do not fit.
 using KernelArg = std::variant<Tensor, Written, long, unsigned, float, Local>;
+using KernelArgs = std::span<const KernelArg>;
 
 }  // namespace vsplat

@@ -80,15 +80,14 @@ std::size_t check_range(const KernelId& id, const Range& range, const KernelLimi
   return group;
 }
 
-std::size_t local_bytes_of(const std::vector<KernelArg>& args) {
+std::size_t local_bytes_of(KernelArgs args) {
   std::size_t out = 0;
   for (const KernelArg& arg : args)
     if (const auto* of = std::get_if<Local>(&arg)) out += of->bytes;
   return out;
 }
 
-void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,
-                   const DeviceInfo& device) {
+void set_arguments(const cl::Kernel& kernel, const char* name, KernelArgs args, const DeviceInfo& device) {
   const auto expected = kernel.getInfo<CL_KERNEL_NUM_ARGS>();
   if (expected != args.size())
     fail(Status::internal, "{}: {} arguments given, {} expected", name, args.size(), expected);
@@ -98,7 +97,7 @@ void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector
   }
 }
 
-ProfileVariant variant_of(const Range& range, const std::vector<KernelArg>& args) {
+ProfileVariant variant_of(const Range& range, KernelArgs args) {
   ProfileVariant out;
   out.global = range.global, out.local = range.local;
   for (const KernelArg& arg : args) {
@@ -108,7 +107,7 @@ ProfileVariant variant_of(const Range& range, const std::vector<KernelArg>& args
   return out;
 }
 
-std::uint64_t hash_of(const Range& range, const std::vector<KernelArg>& args) {
+std::uint64_t hash_of(const Range& range, KernelArgs args) {
   std::uint64_t out = 14695981039346656037u;  // FNV-1a, applied to whole integers
   const auto add = [&](std::uint64_t value) { out = (out ^ value) * 1099511628211u; };
   for (const std::size_t size : range.global) add(size);

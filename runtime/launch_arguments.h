@@ -2,7 +2,6 @@
 // both for profiles.
 #pragma once
 #include <cstdint>
-#include <vector>
 
 #include "runtime/device.h"
 #include "runtime/launch.h"
@@ -23,13 +22,12 @@ std::size_t check_range(const KernelId& id, const Range& range, const KernelLimi
                         const DeviceInfo& device);
 
 // Bytes of local memory among the arguments.
-std::size_t local_bytes_of(const std::vector<KernelArg>& args);
+std::size_t local_bytes_of(KernelArgs args);
 
-void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,
-                   const DeviceInfo& device);
+void set_arguments(const cl::Kernel& kernel, const char* name, KernelArgs args, const DeviceInfo& device);
 
 // The launch's range and its tensors' shapes, as text and as a hash.
-ProfileVariant variant_of(const Range& range, const std::vector<KernelArg>& args);
-std::uint64_t hash_of(const Range& range, const std::vector<KernelArg>& args);
+ProfileVariant variant_of(const Range& range, KernelArgs args);
+std::uint64_t hash_of(const Range& range, KernelArgs args);
 
 }  // namespace vsplat

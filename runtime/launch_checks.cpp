@@ -52,7 +52,7 @@ std::array<RedZone, 2> zones_of(const Block& block) {
 }
 
 [[noreturn]] void fail_changed(const RedZone& zone, const unsigned char* found, const std::string& name,
-                               const std::vector<KernelArg>& args) {
+                               KernelArgs args) {
   std::size_t first = 0;
   while (found[first] == zone_bytes[(zone.offset + first) % 4]) ++first;
   std::size_t last = zone.size - 1;
@@ -72,7 +72,7 @@ std::array<RedZone, 2> zones_of(const Block& block) {
 bool nan_check_is_wanted() { return environment_says("VSPLAT_CHECK", "nan"); }
 bool guard_is_wanted() { return environment_says("VSPLAT_ARENA", "guard"); }
 
-void check_marks(const cl::Kernel& kernel, const std::string& name, const std::vector<KernelArg>& args) {
+void check_marks(const cl::Kernel& kernel, const std::string& name, KernelArgs args) {
   for (cl_uint i = 0; i < args.size(); ++i) {
     if (!tensor_of(args[i])) continue;
     cl_kernel_arg_type_qualifier qualifier = 0;
@@ -92,7 +92,7 @@ void fill_with_nan(const cl::CommandQueue& queue, const Tensor& tensor) {
     queue.enqueueFillBuffer(*tensor.block()->buffer(), std::numeric_limits<float>::quiet_NaN(), 0, tensor.bytes());
 }
 
-void check_for_nan(const cl::CommandQueue& queue, const std::string& name, const std::vector<KernelArg>& args) {
+void check_for_nan(const cl::CommandQueue& queue, const std::string& name, KernelArgs args) {
   for (std::size_t i = 0; i < args.size(); ++i) {
     const auto* out = std::get_if<Written>(&args[i]);
     if (!out || !out->tensor || out->tensor.type() != Type::f32 || out->count == 0) continue;
@@ -121,8 +121,7 @@ void fill_red_zones(const cl::CommandQueue& queue, const Block& block) {
   }
 }
 
-void check_red_zones(const cl::CommandQueue& queue, const Arena& arena, const std::string& name,
-                     const std::vector<KernelArg>& args) {
+void check_red_zones(const cl::CommandQueue& queue, const Arena& arena, const std::string& name, KernelArgs args) {
   std::vector<RedZone> zones;
   std::size_t total = 0;
   for (const Block* block : arena.guarded())

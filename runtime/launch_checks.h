@@ -13,7 +13,6 @@
 // Both read back memory after each launch and are slow. They can be combined.
 #pragma once
 #include <string>
-#include <vector>
 
 #include "runtime/arena.h"
 #include "runtime/launch.h"
@@ -26,16 +25,15 @@ bool nan_check_is_wanted();
 bool guard_is_wanted();
 
 // Fails if the kernel's signature and the marks of its arguments disagree.
-void check_marks(const cl::Kernel& kernel, const std::string& name, const std::vector<KernelArg>& args);
+void check_marks(const cl::Kernel& kernel, const std::string& name, KernelArgs args);
 // Fills a new tensor with NaN, if it is f32.
 void fill_with_nan(const cl::CommandQueue& queue, const Tensor& tensor);
 // Fails if a written element is NaN.
-void check_for_nan(const cl::CommandQueue& queue, const std::string& name, const std::vector<KernelArg>& args);
+void check_for_nan(const cl::CommandQueue& queue, const std::string& name, KernelArgs args);
 
 // Fills the red zones of a piece.
 void fill_red_zones(const cl::CommandQueue& queue, const Block& block);
 // Fails if one of the arena's red zones has changed.
-void check_red_zones(const cl::CommandQueue& queue, const Arena& arena, const std::string& name,
-                     const std::vector<KernelArg>& args);
+void check_red_zones(const cl::CommandQueue& queue, const Arena& arena, const std::string& name, KernelArgs args);
 
 }  // namespace vsplat

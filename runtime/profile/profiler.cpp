@@ -73,7 +73,7 @@ struct Profiler::Impl {
     ProfileRow& r = rows[row];
     const auto [it, fresh] = variant_index[row].emplace(launch.variant, std::min(r.variants.size(), kVariants - 1));
     if (fresh && r.variants.size() < kVariants) {
-      r.variants.push_back(launch.range ? variant_of(*launch.range, *launch.args) : ProfileVariant());
+      r.variants.push_back(launch.range ? variant_of(*launch.range, launch.args) : ProfileVariant());
     } else if (fresh) {
       r.variants.back().global = r.variants.back().local = {};
       r.variants.back().shapes = "others";

@@ -23,11 +23,11 @@ struct LaunchRecord {
   Cost cost;
   bool first = false;                   // the first one of that kernel with that work-group size
   std::uint64_t before = 0, after = 0;  // host times around the call that enqueued it
-  // The variant of its kernel: a hash of `range` and `args`, which are read only if the hash is new. A null `range` or
-  // `args`: unknown.
+  // The variant of its kernel: a hash of `range` and `args`, which are read only if the hash is new. A null `range`:
+  // unknown.
   std::uint64_t variant = 0;
   const Range* range = nullptr;
-  const std::vector<KernelArg>* args = nullptr;
+  KernelArgs args = {};
 };
 
 class Profiler {

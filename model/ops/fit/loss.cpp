@@ -1,6 +1,7 @@
 #include "model/ops/fit/loss.h"
 
 #include <algorithm>
+#include <initializer_list>
 #include <limits>
 #include <numeric>
 #include <vector>
@@ -70,19 +71,19 @@ class Loss {
   // Launches width x rows x pictures work-items, each of which reads and writes `fields` numbers and performs `flops`
   // operations.
   void launch(const char* kernel, long width, long rows, long pictures, double flops, double fields,
-              const std::vector<KernelArg>& args) {
+              std::initializer_list<KernelArg> args) {
     const double count = static_cast<double>(width) * static_cast<double>(rows) * static_cast<double>(pictures);
     ctx_.launch({"loss", kernel, ""}, groups((width + kGroup - 1) / kGroup, kGroup, rows, pictures),
-                {flops * count, 4 * fields * count}, args);
+                {flops * count, 4 * fields * count}, KernelArgs(args.begin(), args.size()));
   }
 
   // The same for kernels that differ between the flavours: on a CPU a work-item processes `each` whole rows.
   void launch_blur(const char* kernel, long width, long rows, long pictures, double flops, double fields,
-                   const std::vector<KernelArg>& args, long each = 1) {
+                   std::initializer_list<KernelArg> args, long each = 1) {
     if (ctx_.flavour() != Flavour::cpu) return launch(kernel, width, rows, pictures, flops, fields, args);
     const double count = static_cast<double>(width) * static_cast<double>(rows) * static_cast<double>(pictures);
     ctx_.launch({"loss_cpu", kernel, ""}, items(div_up(rows, each) * pictures, 1), {flops * count, 4 * fields * count},
-                args);
+                KernelArgs(args.begin(), args.size()));
   }
 
   // A picture with one scale, band by band: its fields take a band's memory. A band's rows need those of the windows
