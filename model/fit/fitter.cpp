@@ -182,6 +182,7 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
   const float alpha_weight = picture.masked ? options_.alpha_weight : 0;
   const Dropping dropping{options_.drop, options_.seed, now};
   how.counted = bound_on_screen(picture.camera, dropping);
+  how.repeated = &gradients_;
   const DeviceGaussians gaussians = activate(ctx_, dropping);
   Tensor scores;
   if (scores_count()) {

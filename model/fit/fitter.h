@@ -139,6 +139,7 @@ class Fitter {
   std::unique_ptr<Density> density_;
   Tensor fresh_scores_;  // [capacity], of the gradient's picture; none if the strategy uses no scores
   std::optional<Sky> sky_;
+  RepeatedWork gradients_;
 };
 
 }  // namespace vsplat

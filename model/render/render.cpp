@@ -1,6 +1,7 @@
 #include "model/render/render.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <utility>
 
@@ -134,7 +135,10 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
       const bool exact = options.exact_tiles && scene.kind == GaussianKind::volume;
       work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, exact}));
     };
-    if (reserve_for(ctx, draw)) {
+    const std::array<std::uint64_t, 4> sizes{static_cast<std::uint64_t>(part.tiles()),
+                                             static_cast<std::uint64_t>(scene.count), count.gaussians,
+                                             count.intersections};
+    if (options.repeated ? options.repeated->reserve(ctx, sizes, draw) : reserve_for(ctx, draw)) {
       draw(ctx);
     } else if (part.tiles() > 1) {
       split(part, parts);

@@ -11,6 +11,7 @@
 #include "model/base/image.h"
 #include "model/ops/render/rasterize_surfels.h"
 #include "model/render/gaussian_chunks.h"
+#include "model/render/reserve.h"
 #include "runtime/context.h"
 
 namespace vsplat {
@@ -34,6 +35,9 @@ struct RenderOptions {
   // Called with the number of pairs of Gaussians and tiles in the whole picture, before it is drawn. If it returns
   // true, it has changed the Gaussians, and they are culled again.
   std::function<bool(std::uint64_t pairs)> counted;
+  // If set, pictures that are no larger than earlier ones with the same pointer are not planned again. Drawings whose
+  // derivatives need the same memory each time share one.
+  RepeatedWork* repeated = nullptr;
   // For surfels only; requesting maps of volumes is an error.
   SurfelMaps maps = {};
   SurfelRevision revision = SurfelRevision::lara;

@@ -1,11 +1,21 @@
 #include "model/render/reserve.h"
 
+#include <algorithm>
 #include <memory>
 
 #include "runtime/error.h"
 #include "runtime/system/host_memory.h"
 
 namespace vsplat {
+namespace {
+
+bool half_is_free(const Context& ctx) {
+  const Arena& memory = ctx.memory();
+  return 2 * memory.reserved() <= memory.limits().total &&
+         (!memory.limits().on_host || memory.reserved() + reserved_host_memory() <= host_memory_limit());
+}
+
+}  // namespace
 
 bool reserve_for(Context& ctx, const std::function<void(Context&)>& work) {
   const auto plan = [&]() -> std::unique_ptr<Context> {
@@ -30,6 +40,18 @@ bool reserve_for(Context& ctx, const std::function<void(Context&)>& work) {
   }
   if (!fits(planner)) return false;
   ctx.memory().commit(planner->memory());
+  return true;
+}
+
+bool RepeatedWork::reserve(Context& ctx, const std::array<std::uint64_t, 4>& sizes,
+                           const std::function<void(Context&)>& work) {
+  if (ctx.planning()) return reserve_for(ctx, work);
+  bool fitted = reserved_ > 0 && ctx.memory().reserved() >= reserved_ && half_is_free(ctx);
+  for (std::size_t i = 0; i < sizes.size(); ++i) fitted = fitted && sizes[i] <= most_[i];
+  if (fitted) return true;
+  if (!reserve_for(ctx, work)) return false;
+  for (std::size_t i = 0; i < sizes.size(); ++i) most_[i] = std::max(most_[i], sizes[i]);
+  reserved_ = ctx.memory().reserved();
   return true;
 }
 
