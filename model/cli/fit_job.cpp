@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -20,6 +21,7 @@ using nlohmann::ordered_json;
 constexpr std::size_t most_rows = 24, large_rows = 8;
 constexpr int large_cell = 512;
 constexpr double page_every = 30;  // seconds from one page of a fit in progress to the next
+constexpr std::int64_t curve_points = 300;
 
 std::string two_digits(double value) {
   char text[32];
@@ -63,6 +65,25 @@ class Teller {
   const Common& common_;
   std::string phase_;
   double last_ = elapsed_seconds();
+};
+
+// When to ask for the progress, which waits for the loss, so that the device has nothing to do until the next step
+// begins: after every step for a log, else as often as curves and people need it.
+class Asking {
+ public:
+  explicit Asking(bool always) : always_(always) {}
+  bool is_due(const vsplat_fit_progress& last) {
+    ++steps_;
+    if (!always_ && curve_points * steps_ < last.steps && elapsed_seconds() - asked_ < 0.1) return false;
+    steps_ = 0;
+    asked_ = elapsed_seconds();
+    return true;
+  }
+
+ private:
+  bool always_;
+  std::int64_t steps_ = 0;  // since asking
+  double asked_ = 0;
 };
 
 // log.csv. The last line has the `psnr_cc` of the scene that is written, if it was measured.
@@ -132,13 +153,17 @@ vsplat::Scene FitJob::run(Session& session, const Common& common, const vsplat::
   double paged = begun;
   begin_live(common, fit, views);
   vsplat_fit_progress progress = VSPLAT_FIT_PROGRESS_INIT;
+  Asking asking(!log_.empty());
   for (bool more = true; more;) {
     if (interrupted()) {
       fit.stop();
       stopped_ = true;
       break;
     }
-    more = fit.step(progress);
+    const bool due = asking.is_due(progress);
+    more = due ? fit.step(progress) : fit.step();
+    if (more && !due) continue;
+    if (!due) fit.step(progress);  // runs no step
     teller.tell(progress);
     remember(progress, elapsed_seconds() - begun);
     if (live_) {

@@ -50,15 +50,18 @@ std::string charts(const FitPage& page) {
   std::vector<double> marks;
   // A resumed fit's page begins where it was resumed.
   const std::int64_t before_first = page.steps.empty() ? 0 : std::max<std::int64_t>(0, page.steps.front().step - 1);
+  double earlier = 0, last = static_cast<double>(before_first);  // steps of earlier phases, the step of the row before
   for (std::size_t i = 0; i < page.steps.size(); ++i) {
     const FitStep &now = page.steps[i], before = i > 0 ? page.steps[i - 1] : FitStep();
-    const double x = static_cast<double>(before_first) + static_cast<double>(i + 1);
     const bool begins = i > 0 && now.phase != before.phase;
-    if (begins) marks.push_back(x - 0.5);
+    if (begins) marks.push_back(last + 0.5);
+    if (begins && now.step <= before.step) earlier = last;
+    const double x = earlier + static_cast<double>(now.step);
     const auto add = [&](Curve& to, double y) { to.x.push_back(x), to.y.push_back(y); };
     add(loss, now.loss);
     add(gaussians, static_cast<double>(now.gaussians));
-    add(pace, 1e3 * (now.seconds - before.seconds));
+    add(pace, 1e3 * (now.seconds - before.seconds) / (x - last));
+    last = x;
     // Until the next measurement the steps repeat the last one.
     if (std::isfinite(now.psnr) && (i == 0 || begins || now.psnr != before.psnr)) add(psnr, now.psnr);
   }

@@ -4,6 +4,7 @@ import html.parser
 import json
 import os
 import pathlib
+import re
 import subprocess
 import time
 
@@ -73,6 +74,18 @@ class FitPage(fit_case.FitCase):
         self.json_of(*self.fit("--steps", 2, "--page", self.path("elsewhere.html"), output="c.ply"))
         self.assertIn("left out in turn", self.page("elsewhere.html").text)
         self.refuses(2, ["--page", ".html"], *self.fit("--page", "x.txt", output="d.ply"))
+
+    def test_curves_of_a_long_fit(self):
+        """They have fewer points than the fit has steps, and end at the last step. Its log has all."""
+        for more in ((), ("--log", self.path("log.csv"))):
+            self.json_of(*self.fit("--holdout", "@2", "--steps", 1000, "--overwrite", *more))
+            text = pathlib.Path(self.path("out.fit.html")).read_text()
+            xs = [float(x) for x in re.findall(r"([\d.]+) [\d.]+", re.search(r'class="curve"[^>]* d="([^"]*)"', text)[1])]
+            self.assertTrue(200 < len(xs) < 500, len(xs))
+            self.assertEqual(xs, sorted(xs))
+            self.assertEqual(xs[-1], float(re.search(r'x="([\d.]+)"[^>]*>1000<', text)[1]))
+        with open(self.path("log.csv")) as log:
+            self.assertEqual([int(line.split(",")[0]) for line in log.readlines()[1:]], list(range(1, 1001)))
 
     def test_a_file_that_cannot_be_written_does_not_cost_the_scene(self):
         state = self.path("state")
