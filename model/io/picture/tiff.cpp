@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <tiffio.h>
 
 #include <algorithm>
@@ -64,6 +65,9 @@ int ignore_warning(TIFF*, void*, const char*, const char*, va_list) { return 1; 
 
 // Limit on the bytes of host memory that decoding may hold: with the program at most 1.5 GiB.
 constexpr double most_held = 1.25 * (1u << 30);
+// Limit on the bytes of an unpacked strip or tile for each pixel of the picture: 64 samples of 16 bits. Tiles may reach
+// beyond a small picture.
+constexpr double most_of_pixel = 128, least_pixels = 1u << 20;
 
 [[noreturn]] void damaged(const FileBytes& file, const char* why) {
   fail(Status::format, "{}: a damaged or cut-off TIFF, or one of a kind that is not read: {}", file.path,
@@ -105,6 +109,10 @@ class Reader {
     if (image_.orientation >= 1 && image_.orientation <= 8)
       orientation = image_.orientation;  // EXIF uses TIFF's orientations
     ImageInfo out{static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
+    if (unpacked_bytes() > most_of_pixel * std::max(static_cast<double>(width) * height, least_pixels))
+      damaged(file_, fmt::format("a strip or tile has {:.3g} GiB when unpacked, for {} x {} pixels",
+                                 unpacked_bytes() / (1u << 30), width, height)
+                         .c_str());
     if (unpacked_bytes() + row_bytes(out) > most_)
       fail(Status::input,
            "{}: a strip or tile of the TIFF has {:.3g} GiB when unpacked, at most {:.3g} GiB are read; write it with "

@@ -3,6 +3,8 @@
 #include <png.h>
 #include <tiffio.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -113,6 +115,45 @@ TEST(TiffIn, ALongStripIsReadInParts) {
   const std::string refused =
       test::refusal([&] { open_tiff_within(file, static_cast<double>(samples.size())); }, Status::input);
   EXPECT_NE(refused.find(path + ": a strip or tile of the TIFF has"), std::string::npos) << refused;
+}
+
+// Few bytes that ask for much memory: thousands of samples a pixel, and a tile far beyond the picture.
+TEST(TiffIn, WhatUnpacksToFarMoreThanThePictureIsRefused) {
+  using Entries = std::vector<std::array<std::uint32_t, 2>>;
+  const auto tiff = [](Entries entries) {
+    std::string out("II*\0\10\0\0\0", 8);
+    const auto put = [&](std::uint32_t value, int bytes) {
+      for (int i = 0; i < bytes; ++i) out += static_cast<char>(value >> 8 * i & 255);
+    };
+    std::sort(entries.begin(), entries.end());
+    put(static_cast<std::uint32_t>(entries.size()), 2);
+    for (const auto& [tag, value] : entries) put(tag, 2), put(4, 2), put(1, 4), put(value, 4);
+    put(0, 4);
+    return out;
+  };
+  const Entries rgb{
+      {TIFFTAG_BITSPERSAMPLE, 8}, {TIFFTAG_COMPRESSION, COMPRESSION_PACKBITS}, {TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB}};
+  Entries samples = rgb, tile = rgb;
+  for (const auto& entry : Entries{{TIFFTAG_IMAGEWIDTH, 1},
+                                   {TIFFTAG_IMAGELENGTH, 22787},
+                                   {TIFFTAG_STRIPOFFSETS, 8},
+                                   {TIFFTAG_STRIPBYTECOUNTS, 3},
+                                   {TIFFTAG_SAMPLESPERPIXEL, 20000}})
+    samples.push_back(entry);
+  for (const auto& entry : Entries{{TIFFTAG_IMAGEWIDTH, 3},
+                                   {TIFFTAG_IMAGELENGTH, 3},
+                                   {TIFFTAG_TILEWIDTH, 16384},
+                                   {TIFFTAG_TILELENGTH, 16384},
+                                   {TIFFTAG_TILEOFFSETS, 8},
+                                   {TIFFTAG_TILEBYTECOUNTS, 3},
+                                   {TIFFTAG_SAMPLESPERPIXEL, 3}})
+    tile.push_back(entry);
+  const TemporaryFolder folder;
+  for (const Entries& entries : {samples, tile}) {
+    test::put_file(folder / "a.tif", tiff(entries));
+    const std::string refused = message_of(folder / "a.tif");
+    EXPECT_NE(refused.find("GiB when unpacked, for "), std::string::npos) << refused;
+  }
 }
 
 TEST(TiffIn, AlphaIsStraightAfterwards) {
