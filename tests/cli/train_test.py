@@ -233,7 +233,7 @@ class Train(train_support.Case):
         seconds = time.monotonic() - begun
         moments = random.Random(7)
         kills = 0
-        while kills < KILLS:
+        while kills < KILLS or not os.path.exists(self.path("killed")):  # a kill may come before it is made
             process = self.start(*self.train(config, "killed", "--resume"))
             try:
                 err = process.communicate(timeout=moments.uniform(0, seconds))[1]
