@@ -9,7 +9,7 @@
 
 namespace command {
 
-// After a step, not every one: what vsplat_fit_progress said, and the seconds since the first step began.
+// What vsplat_fit_progress said after one of the steps, and the seconds since the first step began.
 struct FitStep {
   std::size_t phase = 0;  // its place among FitPage::phases
   std::int64_t step = 0;  // of the phase

@@ -88,7 +88,7 @@ class Mesh(support.Case):
     def mesh(self, *more, scene=None, output="m.ply", voxels=64):
         return ("mesh", scene or self.scene, "--output", self.path(output), "--voxels", voxels, *more)
 
-    def check_torus(self, path, width=0.96):
+    def check_torus(self, path, width=0.96, wrong_colour=0.06):
         """Both ways less than 1 % of its width apart on average, closed, coloured; normals point outwards."""
         points, normals, colours, triangles = read_ply(path)
         self.assertLess(sum(map(off, points)) / len(points), 0.01 * width)
@@ -109,9 +109,8 @@ class Mesh(support.Case):
             out = [p[0] * (1 - RING / ring), p[1] * (1 - RING / ring), p[2]]
             self.assertGreater(sum(a * b for a, b in zip(n, out)), 0)
             wrong += [abs(value / 255 - 0.5 - place) for value, place in zip(colour, p)]
-        # A vertex has the colour of Gaussians around it, which end at 3.3 standard deviations.
         self.assertLess(sum(wrong) / len(wrong), DEVIATION)
-        self.assertLess(max(wrong), 6 * DEVIATION)
+        self.assertLess(max(wrong), wrong_colour)
         return points, triangles
 
     def test_gaussians_and_surfels(self):
@@ -124,7 +123,8 @@ class Mesh(support.Case):
         self.check_torus(self.path("expected.ply"))
         write_torus(self.path("surfels.ply"), surfels=True)
         self.succeeds(*self.mesh("--max-triangles", 5000, scene=self.path("surfels.ply"), output="surfels_mesh.ply"))
-        _, triangles = self.check_torus(self.path("surfels_mesh.ply"))
+        # A vertex has the colour of Gaussians around it, which end at 3.3 standard deviations; simplifying moves it.
+        _, triangles = self.check_torus(self.path("surfels_mesh.ply"), wrong_colour=6 * DEVIATION)
         self.assertTrue(4500 < len(triangles) <= 5000)
 
     def test_files_are_read_by_others_and_the_same_every_time(self):
