@@ -1,8 +1,8 @@
 #include "model/base/resample.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <vector>
 
 #include "model/base/lens.h"
@@ -25,7 +25,10 @@ double covered_of(double at, double scale, int size) {
 
 // The first sample that find_taps() weights, if any is covered.
 int first_tap(double at, double scale) {
-  return static_cast<int>(std::max(std::ceil(at - radius_of(scale) - 0.5), 0.0));
+  const double begin = at - radius_of(scale) - 0.5;
+  if (begin <= 0) return 0;
+  const int whole = static_cast<int>(begin);
+  return whole + (begin > whole ? 1 : 0);
 }
 
 // `at`: centre of the result pixel; `scale`: its width; both in source pixels. The source has `size` pixels. A sample's
@@ -34,81 +37,112 @@ void find_taps(double at, double scale, int size, Taps& out) {
   out.weights.clear();
   const double covered = covered_of(at, scale, size);
   if (!(covered > 0)) return;
-  const double radius = radius_of(scale);
-  const double low = std::ceil(at - radius - 0.5), high = std::floor(at + radius - 0.5);
-  const int first = first_tap(at, scale), last = static_cast<int>(std::min(high, size - 1.0));
+  const double radius = radius_of(scale), end = at + radius - 0.5;
+  const int first = first_tap(at, scale), last = end >= size ? size - 1 : static_cast<int>(end);
+  const bool inside = at - radius - 0.5 > -1 && end < size;
+  const auto count = static_cast<std::size_t>(last - first + 1);
   out.first = first;
-  double sum = 0, moment = 0, spread = 0;
-  for (int i = first; i <= last; ++i) {
-    const double d = i + 0.5 - at, w = std::clamp(radius - std::abs(d), 0.0, 1.0);
-    out.weights.push_back(static_cast<float>(w));
-    sum += w;
-    moment += w * d;
-    spread += w * d * d;
-  }
+  out.weights.resize(count);
+  const double from = first + 0.5 - at, to = last + 0.5 - at;  // where the first and the last sample are
+  const double left = std::clamp(radius - std::abs(from), 0.0, 1.0);
+  const double right = last > first ? std::clamp(radius - std::abs(to), 0.0, 1.0) : 0;
+  // All between the two weigh 1: they are at from + k, k = 1 ... between.
+  const double between = std::max(last - first - 1, 0), by_k = between * (between + 1) / 2;
+  const double sum = left + right + between;
+  const double moment = left * from + right * to + between * from + by_k;
+  const double spread =
+      left * from * from + right * to * to + between * from * from + 2 * from * by_k + by_k * (2 * between + 1) / 3;
   // w (a + b d) has sum 1 and centre 0, which reproduces linear ramps. At the picture's border that would extrapolate,
   // so the weights are only normalised to sum 1.
-  const double determinant = sum * spread - moment * moment;
-  double a = 1 / sum, b = 0;
-  if (low >= 0 && high <= size - 1 && determinant > 1e-9 * sum * spread) {
-    a = spread / determinant;
-    b = -moment / determinant;
-  }
-  const double share = std::min(1.0, covered / scale);
-  for (int i = first; i <= last; ++i) {
-    float& w = out.weights[static_cast<std::size_t>(i - first)];
-    w = static_cast<float>(share * w * (a + b * (i + 0.5 - at)));
-  }
+  const double determinant = sum * spread - moment * moment, share = covered < scale ? covered / scale : 1;
+  const bool centred = inside && determinant > 1e-9 * sum * spread;
+  const double over = share / (centred ? determinant : sum);
+  const double a = centred ? over * spread : over, b = centred ? -over * moment : 0;
+  for (std::size_t k = 0; k < count; ++k) out.weights[k] = static_cast<float>(a + b * (from + static_cast<double>(k)));
+  out.weights.front() *= static_cast<float>(left);
+  if (count > 1) out.weights.back() *= static_cast<float>(right);
 }
+
+// A pixel of four channels.
+Eigen::Map<const Eigen::Vector4f> pixel_at(const float* p) { return Eigen::Map<const Eigen::Vector4f>(p); }
 
 void accumulate(float* out, const float* in, float weight) {
-  for (int c = 0; c < 4; ++c) out[c] += weight * in[c];
+  Eigen::Map<Eigen::Vector4f>(out) += weight * pixel_at(in);
 }
 
-// Positions in the distorted picture of the corners of the result pixels.
-class CornerMap {
- public:
-  CornerMap(const Window& window, const Camera& camera)
-      : side_(window.size + 1), points_(static_cast<std::size_t>(side_) * (window.height() + 1)) {
-    const double step = window.side / window.size;
-    double farthest = 0;
-    for (const double u : {window.x0, window.x0 + window.side})
-      for (const double v : {window.y0, window.y0 + window.height() * step})
-        farthest = std::max(farthest, std::hypot((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy));
-    const Lens lens(camera.distortion, farthest);
-    for (int j = 0; j <= window.height(); ++j)
-      for (int i = 0; i < side_; ++i) {
-        Point& p = points_[static_cast<std::size_t>(j) * side_ + i];
-        double x = 0, y = 0;
-        p.seen = lens.distort((window.x0 + i * step - camera.cx) / camera.fx,
-                              (window.y0 + j * step - camera.cy) / camera.fy, x, y);
-        p.u = camera.fx * x + camera.cx;
-        p.v = camera.fy * y + camera.cy;
-      }
-  }
+// Where a result pixel lies in the distorted picture: its centre and its size.
+struct Footprint {
+  double u = 0, v = 0, width = 0, height = 0;
+  bool seen = false;  // not if the lens flips it
+};
 
-  // Centre and size of the result pixel's footprint; false if it is not visible or the lens flips it.
-  bool footprint(int i, int j, double& u, double& v, double& width, double& height) const {
-    const Point &a = at(i, j), &b = at(i + 1, j), &c = at(i, j + 1), &d = at(i + 1, j + 1);
-    if (!a.seen || !b.seen || !c.seen || !d.seen) return false;
-    u = 0.25 * (a.u + b.u + c.u + d.u);
-    v = 0.25 * (a.v + b.v + c.v + d.v);
-    const double ui = 0.5 * (b.u + d.u - a.u - c.u), uj = 0.5 * (c.u + d.u - a.u - b.u);
-    const double vi = 0.5 * (b.v + d.v - a.v - c.v), vj = 0.5 * (c.v + d.v - a.v - b.v);
-    width = std::hypot(ui, uj);
-    height = std::hypot(vi, vj);
-    return ui * vj - uj * vi > 0 && std::isfinite(width) && std::isfinite(height);
+// The footprints of the result's rows, in any order. A row after the one before it computes half as much.
+class Footprints {
+ public:
+  Footprints(const Window& window, const Camera& camera)
+      : window_(window),
+        camera_(camera),
+        step_(window.side / window.size),
+        lens_(camera.distortion, farthest()),
+        upper_(static_cast<std::size_t>(window.size) + 1),
+        lower_(upper_.size()),
+        row_(static_cast<std::size_t>(window.size)) {}
+
+  const std::vector<Footprint>& row(int j) {
+    if (j == below_)
+      std::swap(upper_, lower_);
+    else
+      find_corners(j, upper_);
+    find_corners(j + 1, lower_);
+    below_ = j + 1;
+    for (std::size_t i = 0; i < row_.size(); ++i)
+      row_[i] = footprint(upper_[i], upper_[i + 1], lower_[i], lower_[i + 1]);
+    return row_;
   }
 
  private:
-  struct Point {
-    double u, v;
-    bool seen;
+  struct Corner {
+    double u = 0, v = 0;
+    bool seen = false;
   };
-  const Point& at(int i, int j) const { return points_[static_cast<std::size_t>(j) * side_ + i]; }
 
-  int side_;  // points per row
-  std::vector<Point> points_;
+  double farthest() const {
+    double out = 0;
+    for (const double u : {window_.x0, window_.x0 + window_.side})
+      for (const double v : {window_.y0, window_.y0 + window_.height() * step_})
+        out = std::max(out, std::hypot((u - camera_.cx) / camera_.fx, (v - camera_.cy) / camera_.fy));
+    return out;
+  }
+
+  // The corners of the result's pixels along the upper edge of row j, in the distorted picture.
+  void find_corners(int j, std::vector<Corner>& out) const {
+    const double down = (window_.y0 + j * step_ - camera_.cy) / camera_.fy;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      double x = 0, y = 0;
+      const double right = (window_.x0 + static_cast<double>(i) * step_ - camera_.cx) / camera_.fx;
+      out[i].seen = lens_.distort(right, down, x, y);
+      out[i].u = camera_.fx * x + camera_.cx;
+      out[i].v = camera_.fy * y + camera_.cy;
+    }
+  }
+
+  static Footprint footprint(const Corner& a, const Corner& b, const Corner& c, const Corner& d) {
+    const double ui = 0.5 * (b.u + d.u - a.u - c.u), uj = 0.5 * (c.u + d.u - a.u - b.u);
+    const double vi = 0.5 * (b.v + d.v - a.v - c.v), vj = 0.5 * (c.v + d.v - a.v - b.v);
+    Footprint out{0.25 * (a.u + b.u + c.u + d.u), 0.25 * (a.v + b.v + c.v + d.v), std::sqrt(ui * ui + uj * uj),
+                  std::sqrt(vi * vi + vj * vj), false};
+    out.seen = a.seen && b.seen && c.seen && d.seen && ui * vj - uj * vi > 0 && std::isfinite(out.width) &&
+               std::isfinite(out.height);
+    return out;
+  }
+
+  const Window& window_;
+  const Camera& camera_;
+  double step_;
+  Lens lens_;
+  std::vector<Corner> upper_, lower_;
+  std::vector<Footprint> row_;
+  int below_ = -1;  // the row whose upper corners are in lower_
 };
 
 // Buffers the rows of a picture that are still needed.
@@ -128,7 +162,7 @@ class BufferedRows {
         unused_ = read();
       } else {
         unused_ = std::move(rows_.front());
-        rows_.pop_front();
+        rows_.erase(rows_.begin());
       }
     }
   }
@@ -143,7 +177,7 @@ class BufferedRows {
   }
 
   PixelRows& from_;
-  std::deque<std::vector<float>> rows_;
+  std::vector<std::vector<float>> rows_;
   std::vector<float> unused_;
   int first_ = 0;  // index of the row in rows_[0], or of the next row to read
 };
@@ -259,34 +293,35 @@ Image resample(PixelRows& in, const Window& window) {
 }
 
 Image resample_undistorted(PixelRows& in, const Window& window, const Camera& camera) {
-  const CornerMap map(window, camera);
+  Footprints footprints(window, camera);
   const int height = window.height();
-  double u = 0, v = 0, wide = 0, high = 0;
   // For each result row, the first source row that it or any later result row needs.
   std::vector<int> first(static_cast<std::size_t>(height) + 1, in.height);
-  for (int j = height - 1; j >= 0; --j) {
-    first[j] = first[j + 1];
-    for (int i = 0; i < window.size; ++i)
-      if (map.footprint(i, j, u, v, wide, high) && covered_of(v, high, in.height) > 0)
-        first[j] = std::min(first[j], first_tap(v, high));
-  }
+  for (int j = 0; j < height; ++j)
+    for (const Footprint& at : footprints.row(j))
+      if (at.seen && covered_of(at.v, at.height, in.height) > 0)
+        first[j] = std::min(first[j], first_tap(at.v, at.height));
+  for (int j = height - 1; j >= 0; --j) first[j] = std::min(first[j], first[j + 1]);
   BufferedRows kept(in);
   Image out(window.size, height, 4);
   Taps columns, rows;
   for (int j = 0; j < height; ++j) {
     kept.drop_before(first[j]);
-    for (int i = 0; i < window.size; ++i) {
-      if (!map.footprint(i, j, u, v, wide, high)) continue;
-      find_taps(v, high, in.height, rows);
+    float* to = out.at(0, j);
+    for (const Footprint& at : footprints.row(j)) {
+      float* const pixel = to;
+      to += 4;
+      if (!at.seen) continue;
+      find_taps(at.v, at.height, in.height, rows);
       if (rows.weights.empty()) continue;
-      find_taps(u, wide, in.width, columns);
-      float sum[4] = {};
+      find_taps(at.u, at.width, in.width, columns);
+      Eigen::Vector4f sum = Eigen::Vector4f::Zero();
       for (std::size_t y = 0; y < rows.weights.size(); ++y) {
         const float* row = kept.row(rows.first + static_cast<int>(y)) + 4 * static_cast<std::size_t>(columns.first);
         for (std::size_t x = 0; x < columns.weights.size(); ++x)
-          accumulate(sum, row + 4 * x, rows.weights[y] * columns.weights[x]);
+          sum += rows.weights[y] * columns.weights[x] * pixel_at(row + 4 * x);
       }
-      std::copy_n(sum, 4, out.at(i, j));
+      Eigen::Map<Eigen::Vector4f>{pixel} = sum;
     }
   }
   kept.drop_before(in.height);
