@@ -406,7 +406,7 @@ vsplat_status vsplat_plan_fit(vsplat_device device, uint64_t gaussians, int32_t 
     const Context& ctx = device->context;
     FitRequest request;
     request.max_gaussians = static_cast<long>(gaussians);
-    FitOptions options = fit_recipe(request, kManyViews, 0, 1).options;
+    FitOptions options = fit_recipe(request, kManyViews, {}, 1).options;
     options.grow_every = 1;  // a plan has one step
     FitMemory memory;
     const bool fits =

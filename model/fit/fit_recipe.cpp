@@ -15,6 +15,9 @@ constexpr double kLeastFall = 0.1;
 // The last rate of an object's positions, of its first: kStepsToRest / steps within the limits, so long fits end at
 // rest.
 constexpr double kStepsToRest = 200, kLeastMeansFall = 0.01, kMostMeansFall = 0.1;
+// Where an object is narrower than this, in units of its cube, the cube is taken for too large, and lengths are in
+// units of the object.
+constexpr double kNarrow = 0.5, kLeastUnit = 0.01;
 constexpr double kMergedPerPixel = 0.75;                 // half of what an object may grow to
 constexpr double kPixelsOfGaussian = 3;                  // a Gaussian takes as long in a step as so many pixels
 constexpr long kLeastBetween = 100, kMeasurements = 20;  // measured so often, but not after fewer steps
@@ -108,10 +111,10 @@ void grow_to(FitRecipe& recipe, long most, long count) {
   o.growth = std::pow(static_cast<double>(most) / static_cast<double>(count), 1 / rounds);
 }
 
-FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count) {
+FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count) {
   const bool many = request.whole || views >= kManyViews;
-  FitRecipe out = request.whole ? for_whole(request, object_pixels, count)
-                  : many        ? for_many(request.quality, object_pixels, count)
+  FitRecipe out = request.whole ? for_whole(request, shown.pixels, count)
+                  : many        ? for_many(request.quality, shown.pixels, count)
                                 : for_few();
   FitOptions& o = out.options;
   if (request.steps > 0) out.steps = request.steps;
@@ -120,6 +123,9 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
     o.sh_fall = std::clamp(kVisitsToFall / visits, kLeastFall, 1.0);
     o.rates.sh_rest *= std::sqrt(std::min(1.0, kVisitsToLower / visits));
   } else if (many) {
+    const double unit = std::clamp(shown.width / kNarrow, kLeastUnit, 1.0);
+    o.rates.means *= unit;
+    o.scale_weight /= static_cast<float>(unit);
     o.means_fall = std::clamp(kStepsToRest / static_cast<double>(out.steps), kLeastMeansFall, kMostMeansFall);
   }
   if (many) out.measure_every = std::max(kLeastBetween, out.steps / kMeasurements);

@@ -15,12 +15,17 @@ struct FitRecipe {
 // The length in pixels of pictures' longer sides, unless the request sets it.
 int longest_of(FitQuality quality);
 
-// The number of Gaussians that a dense start is merged to, at most; `object_pixels` as below.
+// What pictures show of an object, on average.
+struct ShownObject {
+  double pixels = 0;
+  double width = 1;  // of a square of so many pixels, at the centre of the frame and in its units
+};
+
+// The number of Gaussians that a dense start is merged to, at most; `object_pixels` as ShownObject::pixels.
 std::size_t merged_count(const FitRequest& request, double object_pixels);
 
-// `views`: the views used, both fitted and held out. `object_pixels`: pixels that show the object, on average over the
-// pictures. `count`: Gaussians of the start.
-FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count);
+// `views`: the views used, both fitted and held out. `count`: Gaussians of the start.
+FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count);
 
 // The number of Gaussians in the steps from `step` to `steps`, on average, with `count` of them at `step`, the last
 // phase's.

@@ -145,14 +145,19 @@ void SceneFit::Impl::warn_of_background() {
   if (const std::string text = doubts_about_cube(shares, unmasked, used.size()); !text.empty()) warn("{}", text);
 }
 
-double SceneFit::Impl::object_pixels(const std::vector<int>& views) {
+ShownObject SceneFit::Impl::shown_object(const std::vector<int>& views) {
   const std::vector<int> some = spread(views, static_cast<int>(std::min(views.size(), kLookedAt)));
-  double sum = 0;
+  const auto count = static_cast<double>(some.size());
+  ShownObject out{0, 0};
   for (const int view : some) {
     const std::shared_ptr<const FitPicture> picture = pictures.at(view);
-    for (std::size_t i = 3; i < picture->rgba.size(); i += 4) sum += picture->rgba[i] / 255.0;
+    double pixels = 0;
+    for (std::size_t i = 3; i < picture->rgba.size(); i += 4) pixels += picture->rgba[i] / 255.0;
+    const Camera& camera = picture->camera;
+    out.pixels += pixels / count;
+    out.width += camera.centre().norm() * std::sqrt(pixels / (camera.fx * camera.fy)) / count;
   }
-  return sum / static_cast<double>(some.size());
+  return out;
 }
 
 void SceneFit::Impl::begin_phase() {
@@ -163,9 +168,9 @@ void SceneFit::Impl::begin_phase() {
     fail(Status::usage, "the start's Gaussians are surfels: only those of three scales can be fitted");
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
-  const double shown = object_pixels(now.views);
+  const ShownObject shown = shown_object(now.views);
   if (given.dense && used.size() >= kManyViews)
-    scene.gaussians = merged_gaussians(scene.gaussians, merged_count(request, shown));
+    scene.gaussians = merged_gaussians(scene.gaussians, merged_count(request, shown.pixels));
   recipe = fit_recipe(request, static_cast<long>(used.size()), shown, static_cast<long>(scene.gaussians.count));
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();

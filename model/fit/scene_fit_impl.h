@@ -74,7 +74,7 @@ struct SceneFit::Impl {
   void limit_growth(const Gaussians& start, float near, const Camera& largest);
   long measured_by_all(std::size_t rounds) const;
   bool has_time_for(double rounds) const;  // in the current fold's duration so far; true without a time limit
-  double object_pixels(const std::vector<int>& views);
+  ShownObject shown_object(const std::vector<int>& views);
   bool latest_is_best() const;
   Scene to_scene(const Gaussians& gaussians) const;
   std::string text_of_request() const;
