@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include "model/views/placement.h"
 #include "runtime/fail.h"
@@ -9,6 +10,9 @@
 
 namespace vsplat {
 namespace {
+
+constexpr std::size_t kDecoderShare = 6;  // what a decoder takes, in bytes of its picture
+constexpr std::size_t kMostAhead = 8;     // pictures
 
 std::vector<std::uint8_t> as_bytes(const Image& image, const std::string& name) {
   std::vector<std::uint8_t> out(image.data.size());
@@ -55,9 +59,14 @@ std::shared_ptr<const FitPicture> FitPictures::at(int view) {
     ages_.splice(ages_.begin(), ages_, there->second.age);
     return there->second.picture;
   }
-  if (ahead_.valid() && ahead_view_ != view) ahead_ = {};  // waits for it
-  const std::shared_ptr<const FitPicture> picture = ahead_.valid() ? ahead_.get() : load(view);
+  std::future<std::shared_ptr<const FitPicture>> begun;
+  if (const auto ahead = ahead_.find(view); ahead != ahead_.end()) {
+    begun = std::move(ahead->second);
+    ahead_.erase(ahead);
+  }
+  const std::shared_ptr<const FitPicture> picture = begun.valid() ? begun.get() : load(view);
   bytes_ += bytes_of(*picture);
+  largest_ = std::max(largest_, bytes_of(*picture));
   while (bytes_ > cap_ && !ages_.empty()) forget(ages_.back());
   ages_.push_front(view);
   cached_.emplace(view, Cached{picture, ages_.begin()});
@@ -75,11 +84,19 @@ Camera FitPictures::camera(int view) {
   return there != cameras_.end() ? there->second : at(view)->camera;
 }
 
-void FitPictures::read_ahead(int view) {
-  if (photographs_.picture || (ahead_.valid() && ahead_view_ == view) || cached_.count(view) > 0) return;
-  ahead_ = {};  // waits for what was not asked for
-  ahead_view_ = view;
-  ahead_ = std::async(std::launch::async, [this, view] { return load(view); });
+std::size_t FitPictures::most_ahead() const {
+  const std::size_t affordable = 1 + cap_ / (2 * kDecoderShare * largest_);
+  return std::min(
+      {affordable, static_cast<std::size_t>(std::max(std::thread::hardware_concurrency(), 1u)), kMostAhead});
+}
+
+void FitPictures::read_ahead(const std::vector<int>& views) {
+  if (photographs_.picture) return;
+  const auto end = views.begin() + static_cast<std::ptrdiff_t>(std::min(views.size(), most_ahead()));
+  std::erase_if(ahead_, [&](const auto& begun) { return std::find(views.begin(), end, begun.first) == end; });
+  for (auto view = views.begin(); view != end; ++view)
+    if (cached_.count(*view) == 0 && ahead_.count(*view) == 0)
+      ahead_.emplace(*view, std::async(std::launch::async, [this, view = *view] { return load(view); }));
 }
 
 void FitPictures::forget(int view) {

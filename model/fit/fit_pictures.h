@@ -22,12 +22,16 @@ class FitPictures {
   FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap,
               bool metric_depths = true);
 
-  // Decodes the picture unless it is cached; one at a time. Errors as those of LoadedPhotograph; Error(input) if a
-  // pixel's value is not a number.
+  // Decodes the picture unless it is cached. Errors as those of LoadedPhotograph; Error(input) if a pixel's value is
+  // not a number.
   std::shared_ptr<const FitPicture> at(int view);
-  // Starts to decode, in the background, the view that the caller will pass to at() next. at() reports the errors. Does
-  // nothing unless the pictures are files: another source may be bound to the caller's thread.
-  void read_ahead(int view);
+  // Starts to decode, in the background, the views that the caller will pass to at() next, in that order: at least the
+  // first of them, and no more than the processor has threads and the cache has memory for. Waits for others that it
+  // began. at() reports the errors. Does nothing unless the pictures are files: another source may be bound to the
+  // caller's thread.
+  void read_ahead(const std::vector<int>& views);
+  // How many views read_ahead() takes.
+  std::size_t most_ahead() const;
   void forget(int view);                        // drops the view from the cache
   void limit(std::size_t cap);                  // another cap from now on
   std::size_t bytes() const { return bytes_; }  // of all cached pictures
@@ -51,13 +55,12 @@ class FitPictures {
   const Photographs& photographs_;
   Similarity to_world_;
   int longest_;
-  std::size_t cap_, bytes_ = 0;
+  std::size_t cap_, bytes_ = 0, largest_ = 1;  // largest_: of all pictures that at() has returned, in bytes
   bool metric_depths_;
   std::map<int, Cached> cached_;
   std::list<int> ages_;            // the most recently used first
   std::map<int, Camera> cameras_;  // of all pictures that at() has returned
-  int ahead_view_ = -1;
-  std::future<std::shared_ptr<const FitPicture>> ahead_;
+  std::map<int, std::future<std::shared_ptr<const FitPicture>>> ahead_;
 };
 
 }  // namespace vsplat

@@ -255,7 +255,7 @@ Measured SceneFit::Impl::measure_held_out() {
   const long compilations = ctx.profiler().compilations();
   Measured here;
   double took = 0;
-  for (const int view : now.held_out) {
+  with_each(now.held_out, [&](int view) {
     const DeviceFitPicture& picture = on_device(view);
     if (picture.known_share == 0)
       fail(Status::input, "{}: no pixel of it is inside its mask, so nothing can be measured on it: leave it out of {}",
@@ -266,7 +266,7 @@ Measured SceneFit::Impl::measure_held_out() {
     here.psnr += score.psnr;
     here.ssim += score.ssim;
     ++here.pictures;
-  }
+  });
   // Compilation, like the reading of pictures, is not repeated.
   if (here.pictures > 0 && ctx.profiler().compilations() == compilations) look_seconds = took / here.pictures;
   return here;
@@ -299,10 +299,7 @@ bool SceneFit::Impl::step() {
     if (consolidates_now()) consolidate();
     const int view = view_of_step(fitter->steps_done());
     const DeviceFitPicture picture = corrected(view);  // takes what was read ahead
-    if (fitter->steps_done() + 1 < phase_steps) {
-      const int next = view_of_step(fitter->steps_done() + 1);
-      if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
-    }
+    read_ahead_of_steps();
     step_on(view, picture);
     const double took = behind + seconds_since(begun);
     step_seconds = last_step > 0 ? std::min(took, last_step) : 0;
@@ -358,7 +355,7 @@ void SceneFit::Impl::finish() {
     prune();
     std::vector<FitScore> scores;
     if (fitter->steps_done() > 0)
-      for (const int view : phases[phase].views) scores.push_back(fitter->score(corrected(view)));
+      with_each(phases[phase].views, [&](int view) { scores.push_back(fitter->score(corrected(view))); });
     for (const std::size_t i : find_outliers(scores)) outliers.push_back(phases[phase].views[i]);
     if (best && request.background.kind == FitBackground::Kind::sky && !phases[phase].held_out.empty())
       written = score_written();

@@ -58,12 +58,12 @@ SkySphere SceneFit::Impl::sky_sphere() const {
 
 FitScore SceneFit::Impl::score_written() {
   Measured sum;
-  for (const int view : phases[phase].held_out) {
+  with_each(phases[phase].held_out, [&](int view) {
     const FitScore score = fitter->score(*best, on_device(view));
     sum.psnr += score.psnr;
     sum.ssim += score.ssim;
     ++sum.pictures;
-  }
+  });
   return mean(sum);
 }
 

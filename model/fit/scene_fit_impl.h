@@ -55,6 +55,9 @@ struct SceneFit::Impl {
   bool consolidates() const;
   bool consolidates_now() const;
   std::shared_ptr<const FitPicture> read_picture(int view);
+  void read_ahead(std::vector<int> views);
+  void read_ahead_of_steps();
+  void with_each(const std::vector<int>& views, const std::function<void(int view)>& use);
   const DeviceFitPicture& on_device(int view);
   DeviceFitPicture corrected(int view);
   void step_on(int view, const DeviceFitPicture& picture);

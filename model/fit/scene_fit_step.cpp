@@ -1,7 +1,10 @@
 // One step of a fit: which picture it takes, and what is learnt from it.
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <memory>
+#include <vector>
 
 #include "model/base/rng.h"
 #include "model/fit/scene_fit_impl.h"
@@ -21,8 +24,32 @@ std::shared_ptr<const FitPicture> SceneFit::Impl::read_picture(int view) {
   } catch (const Error& e) {
     if (e.status() != Status::memory) throw;
   }
+  pictures.read_ahead({});
   ctx.memory().trim();
   return pictures.at(view);
+}
+
+// Starts to decode the pictures that come next, but for those on the device.
+void SceneFit::Impl::read_ahead(std::vector<int> views) {
+  std::erase_if(views, [this](int view) { return resident.count(view) > 0; });
+  pictures.read_ahead(views);
+}
+
+void SceneFit::Impl::with_each(const std::vector<int>& views, const std::function<void(int view)>& use) {
+  for (auto view = views.begin(); view != views.end(); ++view) {
+    read_ahead({view, views.end()});
+    use(*view);
+  }
+}
+
+void SceneFit::Impl::read_ahead_of_steps() {
+  const std::vector<int>& views = phases[phase].views;
+  if (std::all_of(views.begin(), views.end(), [this](int view) { return resident.count(view) > 0; })) return;
+  std::vector<int> next;
+  const long first = fitter->steps_done() + 1;
+  const long end = std::min(first + static_cast<long>(pictures.most_ahead()), phase_steps);
+  for (long step = first; step < end; ++step) next.push_back(view_of_step(step));
+  read_ahead(next);
 }
 
 const DeviceFitPicture& SceneFit::Impl::on_device(int view) {

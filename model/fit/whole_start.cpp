@@ -146,8 +146,9 @@ Scene whole_scene(const WholeStart& start, const Photographs& photographs, const
   FitPictures pictures(photographs, {}, kColourPixels, kColourCap);
   std::vector<Camera> cameras;
   std::vector<Occupied> occupied;
-  for (const int view : views) {
-    cameras.push_back(pictures.at(view)->camera);
+  for (auto view = views.begin(); view != views.end(); ++view) {
+    cameras.push_back(pictures.at(*view)->camera);
+    pictures.read_ahead({view + 1, views.end()});
     occupied.emplace_back(cameras.back(), start.points);
   }
   const long most = start.most > 0 ? start.most : std::numeric_limits<long>::max();

@@ -47,8 +47,9 @@ TEST_F(FitPicturesTest, TheCacheNeverHoldsMoreThanItsCap) {
       const int view = 7 * i % kFiles;
       expect_picture(*pictures.at(view), view);
       EXPECT_LE(pictures.bytes(), std::max(cap, kFileBytes));
-      pictures.read_ahead(7 * (i + 1) % kFiles);
+      pictures.read_ahead({7 * (i + 1) % kFiles, 7 * (i + 2) % kFiles});
     }
+    EXPECT_LE(pictures.most_ahead(), 1 + cap / (10 * kFileBytes));
     EXPECT_EQ(pictures.bytes(), std::min(std::max(cap / kFileBytes, std::size_t{1}), std::size_t{kFiles}) * kFileBytes);
     pictures.limit(2 * kFileBytes);
     EXPECT_LE(pictures.bytes(), 2 * kFileBytes);
@@ -57,10 +58,10 @@ TEST_F(FitPicturesTest, TheCacheNeverHoldsMoreThanItsCap) {
 
 TEST_F(FitPicturesTest, AnotherPictureThanTheOneReadAhead) {
   FitPictures pictures(photographs_, {}, 0, kFileBytes);
-  pictures.read_ahead(1);
+  pictures.read_ahead({1});
   expect_picture(*pictures.at(2), 2);
-  pictures.read_ahead(3);
-  pictures.read_ahead(4);
+  pictures.read_ahead({3});
+  pictures.read_ahead({4, 5});
   expect_picture(*pictures.at(4), 4);
   expect_picture(*pictures.at(3), 3);
   EXPECT_EQ(pictures.bytes(), kFileBytes);
