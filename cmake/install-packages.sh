@@ -109,6 +109,19 @@ for package in $missing; do
     *) wanted="$wanted $package" ;;
   esac
 done
+# Some releases have packages that exclude each other: Ubuntu 24.04's libclc-15 and the one that Mesa needs.
+can_install() { apt-get install -s -q --no-install-recommends "$@" >/dev/null 2>&1; }
+# shellcheck disable=SC2086
+if [ -n "$wanted" ] && ! can_install $wanted; then
+  all=$wanted wanted=
+  for package in $all; do
+    if can_install $wanted "$package"; then
+      wanted="$wanted $package"
+    else
+      echo "this release has no $package that fits the other packages: this leaves out $(left_out_without "$package")" >&2
+    fi
+  done
+fi
 [ -n "$wanted" ] || exit 0
 echo "installing:$wanted" >&2
 # shellcheck disable=SC2086

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What cmake/install-packages.sh does on a system that it does not know, or without apt: it prints what is needed, and succeeds."""
+"""What cmake/install-packages.sh does on a system that it does not know, without apt, or where packages exclude each other."""
 import os
 import pathlib
 import shutil
@@ -35,6 +35,23 @@ class Packages(unittest.TestCase):
         done = self.run_on('ID=debian\nVERSION_CODENAME=trixie\nPRETTY_NAME="Debian GNU/Linux 13"\n', path=str(self.work))
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("libopenexr-dev", done.stderr)
+
+    def test_packages_that_exclude_each_other(self):
+        """As on Ubuntu 24.04: the one that comes later is left out, and its tests are named."""
+        tries = 'case "$*" in *mesa-opencl-icd*libclc-15*) exit 100 ;; esac'
+        programs = {"apt-get": f'case "$1 $2" in "install -s") {tries} ;; install*) echo "$@" >"$0.asked" ;; esac',
+                    "apt-cache": 'echo "  Candidate: 1.0"', "dpkg-query": "exit 1", "sudo": 'exec "$@"'}
+        for name, text in programs.items():
+            (self.work / name).write_text(f"#!/bin/sh\n{text}\n")
+            (self.work / name).chmod(0o755)
+        done = self.run_on('ID=ubuntu\nVERSION_CODENAME=noble\nPRETTY_NAME="Ubuntu 24.04"\n', "--tests", path=f"{self.work}:{os.environ['PATH']}")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        asked = (self.work / "apt-get.asked").read_text().split()
+        self.assertIn("mesa-opencl-icd", asked)
+        self.assertIn("strace", asked)
+        self.assertNotIn("libclc-15", asked)
+        self.assertIn("no libclc-15 that fits the other packages: this leaves out the tests gpu_static*", done.stderr)
+        self.assertEqual(done.stderr.count("leaves out"), 1, done.stderr)
 
     def test_list(self):
         done = self.run_on("ID=arch\n", "--list")
