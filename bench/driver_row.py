@@ -5,7 +5,7 @@
 
 BUILD is a build folder with tests, such as build/release. The device is that of $VSPLAT_DEVICE; variables such as
 OCL_ICD_VENDORS choose the driver. Kernels are compiled anew in caches of their own, so the first reconstruction shows
-what a new user waits for. A test that crashes or runs into the limit is told as such; the row is printed all the same.
+what a new user waits for. A test that crashes or runs into the limit is reported as such; the row is printed all the same.
 """
 import argparse
 import os
@@ -67,7 +67,7 @@ class Runs:
         return (f"{seconds:.1f}" if code == 0 else "-"), text
 
 
-def told(passed, failed, skipped, end, seconds):
+def summary(passed, failed, skipped, end, seconds):
     return f"{passed} of {passed + failed}" + (f", {skipped} skipped" if skipped else "") + end + f", {seconds:.0f} s"
 
 
@@ -92,8 +92,8 @@ def test(runs, tests):
     print(f"| {'ok' if code == 0 else 'limit reached' if code is None else f'exit {code}'}, {seconds:.0f} s ", end="", flush=True)
     golden = [runs.tests(*each) for each in GOLDEN]
     total = [sum(g[i] for g in golden) for i in range(3)]
-    print("|", told(*total, "".join(g[3] for g in golden), sum(g[4] for g in golden)), end=" ", flush=True)
-    print("|", told(*runs.tests("ops_tests", tests)), "|", flush=True)
+    print("|", summary(*total, "".join(g[3] for g in golden), sum(g[4] for g in golden)), end=" ", flush=True)
+    print("|", summary(*runs.tests("ops_tests", tests)), "|", flush=True)
 
 
 def main():
