@@ -13,9 +13,10 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
     list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:intercept_tls_get_addr=0:detect_leaks=0")
   endif()
   function(vsplat_rusticl_test name program filter)
-    add_test(NAME rusticl.${name} COMMAND ${program} --gtest_filter=${filter})
+    add_test(NAME rusticl.${name} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/support/on_rusticl.sh $<TARGET_FILE:vsplat_cli>
+      $<TARGET_FILE:${program}> --gtest_filter=${filter})
     set_tests_properties(rusticl.${name} PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 ${ARGN} ENVIRONMENT "${on_rusticl}"
-      FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}")
+      SKIP_RETURN_CODE 77 FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}")
   endfunction()
   set(tiny FIXTURES_REQUIRED golden_tiny)
   vsplat_rusticl_test(network network_tests
