@@ -64,14 +64,11 @@ kernel void conv3d_forward_cpu(global const float* ring, global const float* b, 
   const int y = GROUP_ID(0) / ZT, zt = GROUP_ID(0) % ZT, x = plane0 + GROUP_ID(1);
   const int n0 = GROUP_ID(2) * TILE_COLS;
   TILE_DECLARE
-  for (int dx = 0; dx < 3; ++dx) {
-    const int from_x = x + dx - 1;
-    if (from_x < 0 || from_x >= X) continue;
-    for (int dy = 0; dy < 3; ++dy) {
-      const int from_y = y + dy - 1;
-      if (from_y < 0 || from_y >= Y) continue;
+  for (int from_x = max(x - 1, 0); from_x < min(x + 2, X); ++from_x) {
+    for (int from_y = max(y - 1, 0); from_y < min(y + 2, Y); ++from_y) {
+      const int plane = (from_x - x + 1) * 3 + from_y - y + 1;
       global const float* pa = ring + (((size_t)(from_x % R) * Y + from_y) * ZT + zt) * C * PACK_ROWS;
-      global const float* pb = b + ((size_t)n0 * 9 + (dx * 3 + dy) * TILE_COLS) * C * 3;
+      global const float* pb = b + ((size_t)n0 * 9 + plane * TILE_COLS) * C * 3;
       for (int c = 0; c < C; ++c) {
         TILE_STEP(pa, pb)
         TILE_STEP(pa + 1, pb + TILE_COLS)

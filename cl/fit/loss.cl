@@ -272,9 +272,8 @@ kernel void loss_value(global const float* restrict means, global float* restric
                        int W, int planes, int scales, float weight, float gradient_scale) {
   const float power[5] = {0.0448f, 0.2856f, 0.3001f, 0.2363f, 0.1333f};
   float error = 0.0f, off = 0.0f;
-  for (int i = 0; i < planes; ++i) {
-    error += means[i];
-    if (scales == 0) continue;
+  for (int i = 0; i < planes; ++i) error += means[i];
+  for (int i = 0; i < (scales == 0 ? 0 : planes); ++i) {  // (with `continue` PoCL 7.1 makes a loop without an end)
     float product = 1.0f;
     if (scales == 1) {
       product = 1.0f - means[planes + i];

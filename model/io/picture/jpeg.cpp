@@ -2,9 +2,10 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
-// clang-format off: libjpeg's headers need those above, in this order
-#include <jerror.h>
+// libjpeg's headers need those above, and the codes in jerror.h depend on the version that jpeglib.h sets.
+// clang-format off
 #include <jpeglib.h>
+#include <jerror.h>
 // clang-format on
 
 #include <algorithm>
