@@ -121,8 +121,9 @@ class FitScene(support.Case):
             return json.loads(out)[0]
 
         large = ("--max-gaussians", 60000)
-        small, grown = planned("--steps", 2000), planned("--steps", 2000, *large)
-        self.assertGreater(grown["seconds"], 2 * small["seconds"])  # some ten times on an idle machine, once if growth did not count
+        grown = planned("--steps", 2000, *large)
+        small = min(planned("--steps", 2000)["seconds"] for _ in range(3))  # a step is timed: other work may slow one
+        self.assertGreater(grown["seconds"], 2 * small)  # some ten times on an idle machine, once if growth did not count
         self.assertIn("up to 60000 Gaussians of degree 3", grown["what"])
         # The memory is counted once.
         self.succeeds(*self.fit(*large, views="listed.json", steps=3), "--quiet")
