@@ -40,7 +40,7 @@ void find_taps(double at, double scale, int size, Taps& out) {
   const double radius = radius_of(scale), end = at + radius - 0.5;
   const int first = first_tap(at, scale), last = end >= size ? size - 1 : static_cast<int>(end);
   const bool inside = at - radius - 0.5 > -1 && end < size;
-  const auto count = static_cast<std::size_t>(last - first + 1);
+  const std::size_t count = static_cast<std::size_t>(last - first) + 1;
   out.first = first;
   out.weights.resize(count);
   const double from = first + 0.5 - at, to = last + 0.5 - at;  // where the first and the last sample are
