@@ -112,7 +112,7 @@ done
 # Some releases have packages that exclude each other: Ubuntu 24.04's libclc-15 and the one that Mesa needs.
 can_install() { apt-get install -s -q --no-install-recommends "$@" >/dev/null 2>&1; }
 # shellcheck disable=SC2086
-if [ -n "$wanted" ] && ! can_install $wanted; then
+if [ -n "$wanted" ] && ! can_install $wanted && can_install build-essential; then  # else apt itself says what is wrong
   all=$wanted wanted=
   for package in $all; do
     if can_install $wanted "$package"; then

@@ -64,8 +64,8 @@ TEST(FitRecipe, LongFitsOfObjectsEndAtRest) {
 TEST(FitRecipe, LengthsFollowTheObjectWhereItsCubeIsTooLarge) {
   FitRequest request;
   const FitOptions right = fit_recipe(request, 20, {2000, 0.7}, 200).options;
-  EXPECT_EQ(right.rates.means, fit_recipe(request, 20, {2000, 0.5}, 200).options.rates.means);
-  const FitOptions large = fit_recipe(request, 20, {2000, 0.05}, 200).options;
+  EXPECT_EQ(right.rates.means, fit_recipe(request, 20, {2000, 0.45}, 200).options.rates.means);
+  const FitOptions large = fit_recipe(request, 20, {2000, 0.045}, 200).options;
   EXPECT_DOUBLE_EQ(large.rates.means, right.rates.means / 10);
   EXPECT_FLOAT_EQ(large.scale_weight, right.scale_weight * 10);
   EXPECT_GT(fit_recipe(request, 20, {2000, 0}, 200).options.rates.means, 0);
