@@ -1,32 +1,38 @@
 #include "data_uri.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 namespace command {
 namespace {
 
-std::size_t channel_at(const vsplat::Picture& picture, int x, int y, int c) {
-  const auto row = static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width);
+std::size_t channel_at(int width, int x, int y, int c) {
+  const auto row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
   return 3 * (row + static_cast<std::size_t>(x)) + static_cast<std::size_t>(c);
 }
 
-// The mean of squares of factor x factor pixels; what is left at the far sides is dropped.
-vsplat::Picture scaled_down(const vsplat::Picture& from, int longest) {
-  const int factor = (std::max(from.width, from.height) + longest - 1) / longest;
-  if (factor <= 1) return from;
-  vsplat::Picture out(std::max(1, from.width / factor), std::max(1, from.height / factor));
+// The means of squares of factor x factor pixels of a picture whose value i is value(i); what is left at the far sides
+// is dropped.
+template <class Value>
+vsplat::Picture scaled_down(int width, int height, int longest, const Value& value) {
+  const int factor = std::max(1, (std::max(width, height) + longest - 1) / longest);
+  vsplat::Picture out(std::max(1, width / factor), std::max(1, height / factor));
   for (int y = 0; y < out.height; ++y)
     for (int x = 0; x < 3 * out.width; ++x) {
       float sum = 0;
       int count = 0;
-      for (int v = y * factor; v < std::min((y + 1) * factor, from.height); ++v)
-        for (int u = x / 3 * factor; u < std::min((x / 3 + 1) * factor, from.width); ++u, ++count)
-          sum += from.colour[channel_at(from, u, v, x % 3)];
-      out.colour[channel_at(out, x / 3, y, x % 3)] = sum / static_cast<float>(count);
+      for (int v = y * factor; v < std::min((y + 1) * factor, height); ++v)
+        for (int u = x / 3 * factor; u < std::min((x / 3 + 1) * factor, width); ++u, ++count)
+          sum += value(channel_at(width, u, v, x % 3));
+      out.colour[channel_at(out.width, x / 3, y, x % 3)] = sum / static_cast<float>(count);
     }
   return out;
+}
+
+std::string uri_of(const vsplat::Picture& picture) {
+  return "data:image/jpeg;base64," + base64(picture.save_memory(VSPLAT_PICTURE_JPEG));
 }
 
 }  // namespace
@@ -44,8 +50,15 @@ std::string base64(std::span<const unsigned char> bytes) {
   return out;
 }
 
-std::string picture_uri(const vsplat::Picture& picture, int longest) {
-  return "data:image/jpeg;base64," + base64(scaled_down(picture, longest).save_memory(VSPLAT_PICTURE_JPEG));
+std::string picture_uri(const Colours& picture, int longest) {
+  return uri_of(scaled_down(picture.width, picture.height, longest, [&](std::size_t i) { return picture.values[i]; }));
+}
+
+std::string difference_uri(const Colours& a, const Colours& b, int longest) {
+  const auto in_range = [](float v) { return std::clamp(v, 0.0f, 1.0f); };
+  return uri_of(scaled_down(a.width, a.height, longest, [&](std::size_t i) {
+    return std::min(4 * std::abs(in_range(a.values[i]) - in_range(b.values[i])), 1.0f);
+  }));
 }
 
 }  // namespace command

@@ -101,8 +101,7 @@ void fit(FitCommand& o) {
     file.save(o.common, scene);
     outputs.keep();
   });
-  page.save(o.common, job.result().returned ? std::vector<PageScene>{{"start", result}}
-                                            : std::vector<PageScene>{{"start", job.start()}, {"fitted", result}});
+  page.save(o.common, job.scenes("start", result));
   session.write_profile(outputs);
   outputs.commit();
   job.summarise(o.common);

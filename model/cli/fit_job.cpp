@@ -105,10 +105,20 @@ std::string log_text(const FitPage& page, double psnr_cc) {
   return out;
 }
 
-vsplat::Picture picture_of(const vsplat_measured& from, const float* values) {
-  vsplat::Picture out;
-  out.width = from.width, out.height = from.height;
-  out.colour.assign(values, values + 3 * static_cast<std::size_t>(from.width) * static_cast<std::size_t>(from.height));
+// Without what is masked.
+vsplat_comparison scores_of(const vsplat_measured& from) {
+  vsplat_comparison out = VSPLAT_COMPARISON_INIT;
+  out.psnr = from.psnr, out.psnr_cc = from.psnr_cc, out.ssim = from.ssim;
+  return out;
+}
+
+// 4 x |difference|, in `colour` only.
+vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given) {
+  vsplat::Picture out = given;
+  vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
+  vsplat::check(
+      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &unused, out.colour.data()));
+  for (float& v : out.colour) v = std::min(4 * v, 1.0f);
   return out;
 }
 
@@ -278,13 +288,13 @@ void FitJob::measure(const Session& session, const vsplat::Fit& fit, const vspla
   if (sky_ && result_.returned) std::fill_n(how.background, 3, 0.5f);  // the sky that the start was measured before
   const vsplat_measured mean =
       vsplat::measure(session.device(), scene, views, how, [&](const vsplat_measured& picture) {
-        FittedPicture shown;
-        if (!page_path_.empty() && page_.pictures.size() < most_rows)
-          shown = fitted_picture("", picture_of(picture, picture.given), picture_of(picture, picture.drawn));
-        shown.name = views.name(static_cast<std::size_t>(picture.view));
-        shown.psnr = picture.psnr, shown.psnr_cc = picture.psnr_cc,
-        shown.ssim = picture.ssim;  // without what is masked
-        page_.pictures.push_back(std::move(shown));
+        const std::string name = views.name(static_cast<std::size_t>(picture.view));
+        if (page_path_.empty() || page_.pictures.size() >= most_rows)
+          page_.pictures.push_back({name, picture.psnr, picture.psnr_cc, picture.ssim, {}, {}, {}});
+        else
+          page_.pictures.push_back(fitted_picture(name, scores_of(picture),
+                                                  {picture.given, picture.width, picture.height},
+                                                  {picture.drawn, picture.width, picture.height}));
         return true;
       });
   if (are_held_out) psnr_cc_ = mean.psnr_cc;
@@ -413,15 +423,20 @@ void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::
   for (std::size_t row = 0; row < rows; ++row) {
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
     const vsplat_camera camera = fit.camera(view);
-    vsplat::Picture given = fit.picture(view);
-    vsplat::Picture before = vsplat::render(session.device(), start_, camera, drawing);
-    vsplat::Picture after = vsplat::render(session.device(), scene, camera, drawing);
-    vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
-    vsplat::Picture off = difference_of(after, given, unused);
     vsplat::Sheet cells = sheet;
-    for (vsplat::Picture* cell : {&given, &before, &after, &off}) cells.add(*cell);
+    const vsplat::Picture given = fit.picture(view);
+    cells.add(given);
+    cells.add(vsplat::render(session.device(), start_, camera, drawing));
+    const vsplat::Picture after = vsplat::render(session.device(), scene, camera, drawing);
+    cells.add(after);
+    cells.add(difference_of(after, given));
   }
   sheet.save(outputs.begin(sheet_));
+}
+
+std::vector<PageScene> FitJob::scenes(const std::string& start, const vsplat::Scene& result) const {
+  if (result_.returned) return {{start, result}};
+  return {{start, start_}, {"fitted", result}};
 }
 
 void FitJob::summarise(const Common& common) const {

@@ -10,6 +10,7 @@
 #include "fit_page.h"
 #include "live_fit.h"
 #include "outputs.h"
+#include "scene_page.h"
 #include "session.h"
 
 namespace command {
@@ -63,6 +64,8 @@ class FitJob {
   const vsplat_fit_result& result() const { return result_; }
   // The start scene; valid after run().
   const vsplat::Scene& start() const { return start_; }
+  // For a page: the start, by that name, and the fitted scene; or only the start, if that is the result.
+  std::vector<PageScene> scenes(const std::string& start, const vsplat::Scene& result) const;
   // Prints the result, and warnings if any.
   void summarise(const Common& common) const;
   // Adds the fields "steps", "measured_on", "start", "result", "over_sky", "held_out", "returned", "claimed",

@@ -183,19 +183,15 @@ std::string settings_table(const nlohmann::ordered_json& settings) {
 
 }  // namespace
 
-vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given, vsplat_comparison& scores) {
-  vsplat::Picture out = given;
-  vsplat::check(
-      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &scores, out.colour.data()));
-  for (float& v : out.colour) v = std::min(4 * v, 1.0f);
-  return out;
-}
-
-FittedPicture fitted_picture(const std::string& name, const vsplat::Picture& given, const vsplat::Picture& drawn) {
-  vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
-  const vsplat::Picture difference = difference_of(drawn, given, scores);
-  return {
-      name, scores.psnr, scores.psnr_cc, scores.ssim, picture_uri(given), picture_uri(drawn), picture_uri(difference)};
+FittedPicture fitted_picture(const std::string& name, const vsplat_comparison& scores, const Colours& given,
+                             const Colours& drawn) {
+  return {name,
+          scores.psnr,
+          scores.psnr_cc,
+          scores.ssim,
+          picture_uri(given),
+          picture_uri(drawn),
+          difference_uri(drawn, given)};
 }
 
 std::string fit_page_text(const FitPage& page) {

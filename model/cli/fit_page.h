@@ -7,6 +7,8 @@
 #include <vector>
 #include <vsplat/vsplat.hpp>
 
+#include "data_uri.h"
+
 namespace command {
 
 // What vsplat_fit_progress said after one of the steps, and the seconds since the first step began.
@@ -36,9 +38,9 @@ struct FitPage {
   const nlohmann::ordered_json* settings = nullptr;          // an object; may be null
 };
 
-// 4 x |difference|, in `colour` only, and how alike they are.
-vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given, vsplat_comparison& scores);
-FittedPicture fitted_picture(const std::string& name, const vsplat::Picture& given, const vsplat::Picture& drawn);
+// Its pictures are scaled down.
+FittedPicture fitted_picture(const std::string& name, const vsplat_comparison& scores, const Colours& given,
+                             const Colours& drawn);
 
 std::string fit_page_text(const FitPage& page);
 

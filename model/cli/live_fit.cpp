@@ -81,8 +81,12 @@ std::string LiveFit::scene_page(const LiveVersion& version) const {
 std::string LiveFit::fit_page(const LiveVersion& version) const {
   FitPage out = version.page;
   out.settings = &version.settings;
-  for (const LiveDrawing& each : version.drawings)
-    out.pictures.push_back(fitted_picture(each.name, each.given, each.drawn));
+  for (const LiveDrawing& each : version.drawings) {
+    vsplat_comparison scores = VSPLAT_COMPARISON_INIT;
+    vsplat::check(vsplat_compare(each.drawn.colour.data(), each.given.colour.data(), each.given.width,
+                                 each.given.height, &scores, nullptr));
+    out.pictures.push_back(fitted_picture(each.name, scores, each.given, each.drawn));
+  }
   return fit_page_text(out);
 }
 

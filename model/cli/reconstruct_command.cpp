@@ -171,9 +171,7 @@ vsplat::Scene fit_to_pictures(const ReconstructOptions& o, Request& request, Ses
         o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are fitted now");
   };
   vsplat::Scene fitted = request.fit->run(session, o.common, views, outputs, keep_start, keep);
-  page.save(o.common, request.fit->result().returned
-                          ? std::vector<PageScene>{{"network", fitted}}
-                          : std::vector<PageScene>{{"network", request.fit->start()}, {"fitted", fitted}});
+  page.save(o.common, request.fit->scenes("network", fitted));
   outputs.keep();
   return fitted;
 }

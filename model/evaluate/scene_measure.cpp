@@ -23,18 +23,23 @@ ComparedPhotograph compared_photograph(const Photographs& photographs, int view,
                                        const std::array<float, 3>& background) {
   LoadedPhotograph photograph(photographs, view);
   const std::string name = photograph.listed().name;
-  const WholeView whole = photograph.whole(longest);
-  ComparedPhotograph out{whole.camera, Image(whole.image.width, whole.image.height, 3), {}};
-  for (std::size_t i = 0; 4 * i < whole.image.data.size(); ++i) {
-    const float* const rgba = &whole.image.data[4 * i];  // premultiplied
+  WholeView whole = photograph.whole(longest);
+  ComparedPhotograph out{whole.camera, std::move(whole.image), {}};
+  // In place: four values a pixel become three.
+  std::vector<float>& data = out.picture.data;
+  const std::size_t count = data.size() / 4;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float shown = 1 - data[4 * i + 3];
     for (std::size_t c = 0; c < 3; ++c) {
-      const float v = rgba[c] + (1 - rgba[3]) * background[c];
+      const float v = data[4 * i + c] + shown * background[c];  // premultiplied
       if (!std::isfinite(v))
         fail(Status::input, "{}: pixel {}, {} holds {}, a finite number expected", name,
              i % static_cast<std::size_t>(out.picture.width), i / static_cast<std::size_t>(out.picture.width), v);
-      out.picture.data[3 * i + c] = std::clamp(v, 0.0f, 1.0f);
+      data[3 * i + c] = std::clamp(v, 0.0f, 1.0f);
     }
   }
+  data.resize(3 * count);
+  out.picture.channels = 3;
   for (const float known : whole.known.data) out.known.push_back(known > 0.5f ? 1 : 0);
   return out;
 }

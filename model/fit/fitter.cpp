@@ -348,9 +348,9 @@ void for_each_tensor(const SplatState& state, const F& use) {
 
 }  // namespace
 
-void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
+void Fitter::add_weights(const Camera& camera, const Tensor& sums) {
   RenderOptions how = drawing({0, 0, 0});
-  how.counted = bound_on_screen(picture.camera, {});
+  how.counted = bound_on_screen(camera, {});
   const auto ones = [&](Context& c, const DevicePicture& drawn) {
     PictureGradient by;
     by.depth = c.upload(drawn.alpha.shape(), std::vector<float>(static_cast<std::size_t>(drawn.alpha.count()), 1.0f),
@@ -358,7 +358,7 @@ void Fitter::add_weights(const DeviceFitPicture& picture, const Tensor& sums) {
     return by;
   };
   // The gradient stays zero: the picture's is.
-  render_with_backward(ctx_, activate(ctx_, {}), picture.camera, how, ones, {gradient()}, nullptr, {sums});
+  render_with_backward(ctx_, activate(ctx_, {}), camera, how, ones, {gradient()}, nullptr, {sums});
 }
 
 void Fitter::replace(const Gaussians& gaussians) {

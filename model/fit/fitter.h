@@ -100,7 +100,7 @@ class Fitter {
   // The same for a scene that gaussians() returned: a sky is then measured as the Gaussians that it became.
   FitScore score(const Gaussians& scene, const DeviceFitPicture& picture);
   // Adds to `sums`, f32 [count], each Gaussian's blending weights over the picture's pixels.
-  void add_weights(const DeviceFitPicture& picture, const Tensor& sums);
+  void add_weights(const Camera& camera, const Tensor& sums);
   // Continues with these Gaussians, at most as many as there are now, with moments of zero and without growth.
   void replace(const Gaussians& gaussians);
 

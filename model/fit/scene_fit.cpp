@@ -466,10 +466,6 @@ Image SceneFit::picture(int view) {
   return over(out, measured_over(impl_->request.background));
 }
 
-Camera SceneFit::camera(int view) {
-  Camera camera = impl_->pictures.camera(view);
-  if (const auto pose = impl_->poses.find(view); pose != impl_->poses.end()) camera.w2c = pose->second.w2c();
-  return to_frame(camera, impl_->to_world.inverse());
-}
+Camera SceneFit::camera(int view) { return to_frame(impl_->corrected_camera(view), impl_->to_world.inverse()); }
 
 }  // namespace vsplat

@@ -59,6 +59,7 @@ struct SceneFit::Impl {
   void read_ahead_of_steps();
   void with_each(const std::vector<int>& views, const std::function<void(int view)>& use);
   const DeviceFitPicture& on_device(int view);
+  Camera corrected_camera(int view);
   DeviceFitPicture corrected(int view);
   void step_on(int view, const DeviceFitPicture& picture);
   int view_of_step(long step) const;

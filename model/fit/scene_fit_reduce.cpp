@@ -26,7 +26,7 @@ void SceneFit::Impl::reduce(const std::function<std::vector<bool>(const std::vec
   fitter->replace(*unreduced);
   const Tensor sums = ctx.tensor({fitter->count()}, Type::f32, "blending weights");
   ctx.fill_zero(sums);
-  with_each(phases[phase].views, [&](int view) { fitter->add_weights(corrected(view), sums); });
+  for (const int view : phases[phase].views) fitter->add_weights(corrected_camera(view), sums);
   const std::vector<bool> stays = choose(ctx.read<float>(sums));
   Gaussians kept = *unreduced;
   keep(kept, [&](std::size_t k) { return stays[k]; });

@@ -71,10 +71,17 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   return out;
 }
 
-// The picture on the device, with its learnt pose correction.
+// The camera of the view's picture, with its learnt correction. Decodes the picture only if it never was.
+Camera SceneFit::Impl::corrected_camera(int view) {
+  Camera out = pictures.camera(view);
+  if (const auto pose = poses.find(view); pose != poses.end()) out.w2c = pose->second.w2c();
+  return out;
+}
+
+// The picture on the device, with the corrected camera.
 DeviceFitPicture SceneFit::Impl::corrected(int view) {
   DeviceFitPicture out = on_device(view);
-  if (const auto pose = poses.find(view); pose != poses.end()) out.camera.w2c = pose->second.w2c();
+  out.camera = corrected_camera(view);
   return out;
 }
 

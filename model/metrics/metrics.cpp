@@ -96,6 +96,22 @@ double psnr(const Image& a, const Image& b) {
 
 namespace {
 
+struct KnownPixels {
+  std::size_t all, count;  // of the picture, and those that are known
+  std::span<const std::uint8_t> known;
+
+  KnownPixels(std::size_t pixels, std::span<const std::uint8_t> known_or_none)
+      : all(pixels),
+        count(known_or_none.empty() ? pixels : pixels - std::count(known_or_none.begin(), known_or_none.end(), 0)),
+        known(known_or_none) {}
+
+  template <class F>
+  void for_each(const F& use) const {
+    for (std::size_t i = 0; i < all; ++i)
+      if (known.empty() || known[i] != 0) use(i);
+  }
+};
+
 struct ColourMap {
   Eigen::Matrix3d factors;
   Eigen::Vector3d offsets;
@@ -110,16 +126,16 @@ Eigen::Vector3d colour_at(const Image& image, std::size_t pixel) {
 }
 
 // The map of least squares, in deviations from the means, which keeps the normal equations well conditioned.
-ColourMap nearest_map(const Image& drawn, const Image& given, const std::vector<std::size_t>& pixels) {
+ColourMap nearest_map(const Image& drawn, const Image& given, const KnownPixels& pixels) {
   Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = from;
-  for (const std::size_t i : pixels) from += colour_at(drawn, i), to += colour_at(given, i);
-  from /= static_cast<double>(pixels.size()), to /= static_cast<double>(pixels.size());
+  pixels.for_each([&](std::size_t i) { from += colour_at(drawn, i), to += colour_at(given, i); });
+  from /= static_cast<double>(pixels.count), to /= static_cast<double>(pixels.count);
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero(), products = squares;
-  for (const std::size_t i : pixels) {
+  pixels.for_each([&](std::size_t i) {
     const Eigen::Vector3d d = colour_at(drawn, i) - from;
     squares += d * d.transpose();
     products += d * (colour_at(given, i) - to).transpose();
-  }
+  });
   Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix3d> solver;
   solver.setThreshold(1e-9);  // a colour direction with less variance, relative to the largest, is rounding
   ColourMap out;
@@ -136,17 +152,14 @@ double psnr_cc(const Image& drawn, const Image& given, std::span<const std::uint
   if (drawn.channels != 3 || (!known.empty() && known.size() != count))
     fail(Status::input, "a colour map needs pictures of 3 channels, and {} known pixels or none: found {} and {}",
          count, drawn.channels, known.size());
-  std::vector<std::size_t> pixels;
-  pixels.reserve(count);
-  for (std::size_t i = 0; i < count; ++i)
-    if (known.empty() || known[i] != 0) pixels.push_back(i);
-  if (pixels.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const KnownPixels pixels(count, known);
+  if (pixels.count == 0) return std::numeric_limits<double>::quiet_NaN();
   const ColourMap map = nearest_map(drawn, given, pixels);
   // NaN makes the offsets NaN, which clamping might hide.
   if (map.offsets.hasNaN()) return std::numeric_limits<double>::quiet_NaN();
   double sum = 0;
-  for (const std::size_t i : pixels) sum += (map.of(colour_at(drawn, i)) - colour_at(given, i)).squaredNorm();
-  return -10 * std::log10(sum / (3.0 * static_cast<double>(pixels.size())));
+  pixels.for_each([&](std::size_t i) { sum += (map.of(colour_at(drawn, i)) - colour_at(given, i)).squaredNorm(); });
+  return -10 * std::log10(sum / (3.0 * static_cast<double>(pixels.count)));
 }
 
 namespace {

@@ -97,7 +97,7 @@ TEST_P(DensityTest, WeightsAndScoresAddUpToThePictures) {
   ctx().fill_zero(sums);
   double alpha = 0, error = 0;
   for (std::size_t v = 0; v < 2; ++v) {
-    fitter.add_weights(pictures[v], sums);
+    fitter.add_weights(pictures[v].camera, sums);
     const Picture p = drawn(fitter.gaussians(), given[v].camera);
     for (std::size_t i = 0; i < p.alpha.data.size(); ++i) {
       alpha += p.alpha.data[i];
