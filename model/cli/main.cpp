@@ -2,11 +2,13 @@
 #include <vsplat/vsplat.h>
 
 #include <algorithm>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "carry_out.h"
 #include "command.h"
+#include "help_format.h"
 
 int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
@@ -14,7 +16,7 @@ int main(int argc, char** argv) {
                "vsplat");
   app.set_version_flag("-V,--version", std::string("vsplat ") + vsplat_version_string());
   app.require_subcommand(1);
-  app.get_formatter()->column_width(38);
+  app.formatter(std::make_shared<command::HelpFormat>());
   app.footer(
       "Examples:\n"
       "  vsplat devices                                   lists what vsplat can compute on\n"
