@@ -1,4 +1,8 @@
 #include <ImfChannelList.h>
+#if __has_include(<ImfContextInit.h>)
+#include <ImfContextInit.h>
+#define VSPLAT_OPENEXR_CONTEXT 1
+#endif
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfIO.h>
@@ -109,6 +113,21 @@ auto checked(const FileBytes& file, const Work& work) {
 
 constexpr long lines = 256;  // rows read at once: the largest block that any compression uses
 
+// OpenEXR 3.3 and later print what is wrong, beside throwing it, unless a handler takes it.
+#ifdef VSPLAT_OPENEXR_CONTEXT
+struct Parts : Imf::MultiPartInputFile {
+  Parts(const FileBytes& file, Imf::IStream& stream)
+      : MultiPartInputFile(file.path.c_str(),
+                           Imf::ContextInitializer().setInputStream(&stream).setErrorHandler(
+                               [](exr_const_context_t, exr_result_t, const char*) {}),
+                           0) {}
+};
+#else
+struct Parts : Imf::MultiPartInputFile {
+  Parts(const FileBytes&, Imf::IStream& stream) : MultiPartInputFile(stream, 0) {}
+};
+#endif
+
 const FileBytes& checked_header(const FileBytes& file) {
   check_exr_header(file);
   return file;
@@ -118,7 +137,7 @@ const FileBytes& checked_header(const FileBytes& file) {
 struct Opened {
   Opened(const FileBytes& file, bool depth)
       : stream(checked_header(file)),
-        parts(stream, 0),
+        parts(file, stream),
         channels(depth ? find_exr_depth(file.path, parts) : find_exr_channels(file.path, parts)),
         is_depth(depth) {
     check_kind(file, header());
@@ -136,7 +155,7 @@ struct Opened {
   }
 
   MemoryInput stream;
-  Imf::MultiPartInputFile parts;
+  Parts parts;
   ExrChannels channels;
   bool is_depth;  // values are kept as they are stored
 };
