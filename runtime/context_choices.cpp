@@ -90,7 +90,13 @@ ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
     limits.total = std::min(limits.total, (std::size_t{1} << device.address_bits) - limits.align);
   limits.max_alloc = std::min<std::size_t>(device.max_alloc, limits.total);
   limits.on_host = device.type == DeviceType::cpu;
-  if (guard_is_wanted()) limits.guard = round_up<std::size_t>(256, limits.align);
+  if (guard_is_wanted()) {
+    if (device.is_pocl && std::strtol(device.driver.c_str(), nullptr, 10) >= 7)
+      fail(Status::device,
+           "VSPLAT_ARENA=guard: PoCL {} may end the process if red zones are read while tensors are freed",
+           device.driver);
+    limits.guard = round_up<std::size_t>(256, limits.align);
+  }
   return limits;
 }
 
