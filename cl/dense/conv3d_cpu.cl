@@ -64,6 +64,7 @@ kernel void conv3d_forward_cpu(global const float* ring, global const float* b, 
   const int y = GROUP_ID(0) / ZT, zt = GROUP_ID(0) % ZT, x = plane0 + GROUP_ID(1);
   const int n0 = GROUP_ID(2) * TILE_COLS;
   TILE_DECLARE
+  // The bounds leave out what lies outside the volume: with `continue` PoCL 7.1 adds wrong taps.
   for (int from_x = max(x - 1, 0); from_x < min(x + 2, X); ++from_x) {
     for (int from_y = max(y - 1, 0); from_y < min(y + 2, Y); ++from_y) {
       const int plane = (from_x - x + 1) * 3 + from_y - y + 1;

@@ -20,6 +20,14 @@ class Packages(unittest.TestCase):
         environment = dict(os.environ, VSPLAT_OS_RELEASE=str(self.work / "os-release"), PATH=path or os.environ["PATH"])
         return subprocess.run(["/bin/sh", SCRIPT, *arguments], capture_output=True, text=True, env=environment, check=False)
 
+    def run_with_apt(self, apt_get):
+        """On Ubuntu 24.04, where nothing is installed, with this text of a shell script in place of apt-get."""
+        programs = {"apt-get": apt_get, "apt-cache": 'echo "  Candidate: 1.0"', "dpkg-query": "exit 1", "sudo": 'exec "$@"'}
+        for name, text in programs.items():
+            (self.work / name).write_text(f"#!/bin/sh\n{text}\n")
+            (self.work / name).chmod(0o755)
+        return self.run_on('ID=ubuntu\nVERSION_CODENAME=noble\nPRETTY_NAME="Ubuntu 24.04"\n', "--tests", path=f"{self.work}:{os.environ['PATH']}")
+
     def test_another_system(self):
         for release in ('ID=fedora\nPRETTY_NAME="Fedora Linux 41"\n', 'ID=ubuntu\nVERSION_CODENAME=jammy\nPRETTY_NAME="Ubuntu 22.04"\n', ""):
             done = self.run_on(release)
@@ -38,13 +46,8 @@ class Packages(unittest.TestCase):
 
     def test_packages_that_exclude_each_other(self):
         """As on Ubuntu 24.04: the one that comes later is left out, and its tests are named."""
-        tries = 'case "$*" in *mesa-opencl-icd*libclc-15*) exit 100 ;; esac'
-        programs = {"apt-get": f'case "$1 $2" in "install -s") {tries} ;; install*) echo "$@" >"$0.asked" ;; esac',
-                    "apt-cache": 'echo "  Candidate: 1.0"', "dpkg-query": "exit 1", "sudo": 'exec "$@"'}
-        for name, text in programs.items():
-            (self.work / name).write_text(f"#!/bin/sh\n{text}\n")
-            (self.work / name).chmod(0o755)
-        done = self.run_on('ID=ubuntu\nVERSION_CODENAME=noble\nPRETTY_NAME="Ubuntu 24.04"\n', "--tests", path=f"{self.work}:{os.environ['PATH']}")
+        done = self.run_with_apt('case "$1 $2 $*" in "install -s "*mesa-opencl-icd*libclc-15*) exit 100 ;; "install -s "*) ;; '
+                                 'install*) echo "$@" >"$0.asked" ;; esac')
         self.assertEqual(done.returncode, 0, done.stderr)
         asked = (self.work / "apt-get.asked").read_text().split()
         self.assertIn("mesa-opencl-icd", asked)
@@ -52,6 +55,13 @@ class Packages(unittest.TestCase):
         self.assertNotIn("libclc-15", asked)
         self.assertIn("no libclc-15 that fits the other packages: this leaves out the tests gpu_static*", done.stderr)
         self.assertEqual(done.stderr.count("leaves out"), 1, done.stderr)
+
+    def test_apt_that_can_install_nothing(self):
+        """Its own error is shown, and no package is called one that does not fit."""
+        done = self.run_with_apt('case "$1" in install) echo "E: dpkg was interrupted" >&2; exit 100 ;; esac')
+        self.assertNotEqual(done.returncode, 0, done.stderr)
+        self.assertIn("E: dpkg was interrupted", done.stderr)
+        self.assertNotIn("that fits", done.stderr)
 
     def test_list(self):
         done = self.run_on("ID=arch\n", "--list")

@@ -4,9 +4,13 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 #include <string>
+#include <thread>
 
 #include "model/io/picture/image_file.h"
+#include "runtime/clock.h"
+#include "runtime/host_span.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -65,6 +69,34 @@ TEST_F(FitPicturesTest, AnotherPictureThanTheOneReadAhead) {
   expect_picture(*pictures.at(4), 4);
   expect_picture(*pictures.at(3), 3);
   EXPECT_EQ(pictures.bytes(), kFileBytes);
+}
+
+// Each is decoded once, by a thread of its own, as far as most_ahead() says, and whether or not it is asked for.
+TEST_F(FitPicturesTest, SeveralPicturesAreDecodedAhead) {
+  HostLog& log = HostLog::of_process();
+  log.hold();
+  const std::uint64_t begun = now_ns();
+  std::size_t most = 0;
+  {
+    FitPictures pictures(photographs_, {}, 0, 100 * kFileBytes);
+    (void)pictures.at(0);
+    most = pictures.most_ahead();
+    EXPECT_EQ(most, std::min(std::max(std::thread::hardware_concurrency(), 1u), 8u));
+    pictures.read_ahead({1, 2, 3, 4, 5, 6, 7, 8, 9});
+    pictures.read_ahead({1, 2, 3, 4, 5, 6, 7, 8, 9});
+    expect_picture(*pictures.at(1), 1);
+  }
+  std::multiset<std::string> decoded;
+  std::set<int> threads;
+  for (const HostRecord& span : log.since(begun))
+    if (span.name == "decode pictures") {
+      decoded.insert(span.detail);
+      threads.insert(span.thread);
+    }
+  log.let_go();
+  EXPECT_EQ(decoded.size(), 1 + most);
+  for (std::size_t view = 0; view <= most; ++view) EXPECT_EQ(decoded.count(std::to_string(view)), 1u) << view;
+  EXPECT_EQ(threads.size(), 1 + most);
 }
 
 // A fit asks for cameras after its end, when its pictures may no longer be in memory.
