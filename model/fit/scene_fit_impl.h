@@ -48,7 +48,7 @@ struct SceneFit::Impl {
   void end_phase();
   void record_measurement();
   Measured measure_held_out();
-  void reduce(const std::function<std::vector<bool>(const std::vector<float>&)>& choose, long at);
+  void reduce(const std::function<std::vector<bool>(const std::vector<float>&)>& choose, long at, bool thickens);
   void prune();
   void consolidate();
   bool is_consolidated() const;

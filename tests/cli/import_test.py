@@ -4,9 +4,11 @@ import json
 import os
 import pathlib
 import random
+import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 
 import support
 
@@ -28,17 +30,25 @@ def tensors(path):
 
 
 class Checkpoints(support.Case):
-    """Models with PyTorch's files beside each."""
+    """Models with PyTorch's files beside each, which are made once: starting PyTorch takes seconds."""
+    made = None  # the folder, or the reason why there are none
+
     def setUp(self):
         super().setUp()
         # Imported like the weights of the published code.
         self.succeeds("init", "micro", "--seed", 3, "--set", "negate_camera_centre=true", "--output", self.model, "--overwrite")
         self.other = self.path("other.safetensors")
         self.succeeds("init", "micro", "--seed", 4, "--set", "fine_count=3", "--set", "volume_ch=8", "--set", "negate_camera_centre=true", "--output", self.other)
-        done = subprocess.run([MAKER, "make_checkpoints.py", self.folder, self.model, self.other], capture_output=True, text=True, timeout=280)
-        if done.returncode == 77:
-            self.skipTest(done.stderr)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        if not Checkpoints.made:
+            Checkpoints.made = tempfile.TemporaryDirectory(prefix="vsplat-cli-")
+            done = subprocess.run([MAKER, "make_checkpoints.py", self.made.name, self.model, self.other], capture_output=True, text=True, timeout=280)
+            if done.returncode == 77:
+                Checkpoints.made = done.stderr
+            else:
+                self.assertEqual(done.returncode, 0, done.stderr)
+        if isinstance(self.made, str):
+            self.skipTest(self.made)
+        shutil.copytree(self.made.name, self.folder, dirs_exist_ok=True)
 
     def imports(self, name, *more):
         """Returns the JSON and stderr."""

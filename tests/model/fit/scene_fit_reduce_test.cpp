@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <vector>
 
 #include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit.h"
@@ -92,6 +93,23 @@ TEST_F(SceneFitTest, AConsolidationKeepsTheShareThatIsAskedFor) {
   }
   request.names = {"picture 0", "picture 1", "picture 2"};
   test::expect_error(Status::usage, {"12 views", "3 are used"}, [&] { run(request); });
+}
+
+// It makes what stays thicker, unless opacities are frozen.
+TEST_F(SceneFitTest, AConsolidationThickensWhatStays) {
+  make(12);
+  std::fill(start_.gaussians.opacities.begin(), start_.gaussians.opacities.end(), 0.1f);
+  for (const bool frozen : {false, true}) {
+    FitRequest request;
+    request.steps = 4;
+    request.holdout.kind = FitHoldout::Kind::none;
+    request.consolidate = 0.9;
+    request.freeze.opacities = frozen;
+    std::vector<float> opacities = run(request).scene.gaussians.opacities;
+    ASSERT_FALSE(opacities.empty());
+    std::sort(opacities.begin(), opacities.end());
+    EXPECT_NEAR(opacities[opacities.size() / 2], frozen ? 0.1 : 0.55, frozen ? 1e-6 : 0.1);
+  }
 }
 
 // As many as the memory allows, and hardly fewer.
