@@ -1,0 +1,63 @@
+#!/bin/sh
+# Cross-compiles everything for 64-bit ARM, and runs tests of it in an arm64 system made by debootstrap, by qemu-user: those that need no
+# device, and some on PoCL.
+#   tests/systems/arm64.sh [--work DIR]
+#     --work DIR  for the system, its downloads, sources, build and log (default: $TMPDIR/vsplat-systems); takes some 6 GiB
+# It clones what is committed. Exits with 77 without root, debootstrap, cross compilers, qemu-user with its binary format registered,
+# permission to mount, or the network.
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+sources=$(cd "$here/../.." && pwd)
+test=arm64
+. "$here/bare.sh"
+
+usage() {
+  sed -n '2,/^set /{/^set /d; s/^# \{0,1\}//; p}' "$0" >&2
+  exit 2
+}
+work=${TMPDIR:-/tmp}/vsplat-systems
+case ${1-} in
+  --work) [ $# = 2 ] || usage; work=$2 ;;
+  '') ;;
+  *) usage ;;
+esac
+
+needs aarch64-linux-gnu-g++ cmake ninja
+[ -e /proc/sys/fs/binfmt_misc/qemu-aarch64 ] || skip "programs for arm64 are not run here: install qemu-user-static and binfmt-support"
+reaches "$debian" bookworm
+folder=$work
+alone "$0" "$@"
+work=$folder
+
+mkdir -p "$work/arm64-downloads/partial"
+work=$(cd "$work" && pwd)
+root=$work/arm64 tree=$work/arm64-tree log=$work/arm64.log
+exec 9>"$work/arm64.lock"
+flock -n 9 || fail "another run uses $root"
+: >"$log"
+logged() { "$@" >>"$log" 2>&1 </dev/null || { tail -n 30 "$log" >&2; fail "$1 failed: see $log"; }; }
+
+if [ ! -e "$root/usr/include/gtest" ]; then
+  rm -rf --one-file-system "$root"
+  make_system bookworm "$root" "$debian" --arch=arm64 --include=ca-certificates
+  mount_system "$root"
+  mount --bind "$work/arm64-downloads" "$root/var/cache/apt/archives"
+  packages=$("$sources/cmake/install-packages.sh" --list | grep -vx -e build-essential -e ninja-build -e git -e pkg-config | tr '\n' ' ')
+  # shellcheck disable=SC2086
+  logged within "$root" env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends libc6-dev libstdc++-12-dev $packages
+else
+  mount_system "$root"
+fi
+rm -rf "$tree"
+git -c safe.directory='*' clone -q --no-hardlinks "file://$sources" "$tree"
+export VSPLAT_SYSROOT="$root" QEMU_LD_PREFIX="$root"
+began=$(date +%s)
+logged cmake --preset release -S "$tree" -B "$tree/build/release" --toolchain "$tree/cmake/aarch64-linux-gnu.cmake" -DVSPLAT_TESTS=ON -DVSPLAT_QUICK_BUILD=ON
+logged cmake --build "$tree/build/release"
+echo "built for arm64 in $(($(date +%s) - began)) s"
+mkdir -p "$root$tree"
+mount --bind "$tree" "$root$tree"
+code=0
+within "$root" sh -c "cd $tree/build/release && ctest -j$(nproc) -L unit -LE slow --timeout 600 --output-on-failure" >>"$log" 2>&1 </dev/null || code=1
+sed -n '/tests passed/p; /^The following tests FAILED/,/^Errors/p' "$log"
+exit $code
