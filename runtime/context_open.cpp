@@ -48,6 +48,20 @@ void Context::Impl::take(const ForeignHandles& theirs) {
   }
 }
 
+namespace {
+
+bool gains_by_mixed(const DeviceInfo& info, const std::string& kernels, const SwitchedOff& off, GemmChoice gemm) {
+  if (gemm == GemmChoice::clblast || off.mixed || !mixed_is_as_good(info)) return false;
+  try {
+    return choose_matrix_unit(info, kernels, off) != MatrixUnit::emulated;
+  } catch (const Error& e) {  // these kernels have no unit
+    if (e.status() != Status::usage) throw;
+    return false;
+  }
+}
+
+}  // namespace
+
 Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()) {
   const bool theirs = options.theirs.context != nullptr;
   if (theirs)
@@ -58,8 +72,11 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   impl_->off = options.off ? *options.off : fit_for_use(impl_->info);
   if (impl_->off.sub_groups && impl_->info.sub_group > 0) impl_->info.sub_group = 0;
   if (impl_->off.vectors) impl_->info.native_float_width = 1;
-  impl_->precision = options.precision;
   impl_->gemm = options.gemm;
+  const std::string kernels = asked_kernels(options.kernels);
+  impl_->precision = options.mixed_if_as_good && gains_by_mixed(impl_->info, kernels, impl_->off, impl_->gemm)
+                         ? Precision::mixed
+                         : options.precision;
   if (impl_->gemm == GemmChoice::clblast && impl_->precision == Precision::mixed)
     fail(Status::usage,
          "CLBlast and mixed precision were asked for, and CLBlast multiplies in fp32: leave who multiplies to the "
@@ -71,7 +88,6 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
         "mixed precision was asked for, and a self-test has found its products wrong on {} with this driver: take fp32 "
         "as {}, or set VSPLAT_SELFTEST=ignore to use it all the same",
         impl_->info.name, Option::precision);
-  const std::string kernels = asked_kernels(options.kernels);
   const bool mixed = impl_->precision == Precision::mixed;
   if (options.matrix_unit)
     impl_->matrix_unit = *options.matrix_unit;

@@ -32,6 +32,8 @@ struct ContextOptions {
   GemmChoice gemm = GemmChoice::auto_;
   double max_memory_gib = 0;              // 0: what the device reports
   Precision precision = Precision::fp32;  // mixed: with the kernels of the matrix unit
+  // Mixed precision by the device's own matrix units where a self-test has found it as good (verdict.h), else fp32.
+  bool mixed_if_as_good = false;
   // The matrix units for mixed precision. Unset: the device's units if a trial has shown them to be right
   // (matrix_probe.h), else the emulated ones.
   std::optional<MatrixUnit> matrix_unit = std::nullopt;

@@ -70,6 +70,7 @@ GemmChoice choice_of(const vsplat_gemm& gemm) {
 Precision precision_of(const vsplat_precision& precision) {
   switch (value_of(precision)) {
     case VSPLAT_PRECISION_FP32:
+    case VSPLAT_PRECISION_AUTO:
       return Precision::fp32;
     case VSPLAT_PRECISION_MIXED:
       return Precision::mixed;
@@ -123,6 +124,7 @@ ContextOptions vsplat::api::context_options(const vsplat_device_options* options
   out.gemm = choice_of(o.gemm);
   out.max_memory_gib = o.max_memory_gib;
   out.precision = precision_of(o.precision);
+  out.mixed_if_as_good = o.precision == VSPLAT_PRECISION_AUTO;
   if (o.on_compile)
     out.on_compile = [call = o.on_compile, user = o.user](const std::string& kernel, int compiled) {
       call(user, kernel.c_str(), compiled);

@@ -1,13 +1,21 @@
 // The self-test, and its stored verdict.
 #include "model/diagnose/selftest/selftest.h"
 
+#include <fmt/format.h>
 #include <vsplat/selftest.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "model/api/handle.h"
+#include "model/api/selected.h"
+#include "model/evaluate/model_check.h"
+#include "model/networks/network.h"
+#include "model/networks/params/built_in_model.h"
+#include "model/networks/params/model_file.h"
+#include "model/networks/params/systems.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -64,6 +72,35 @@ Json json_of(const selftest::FlavourResult& f) {
   return out;
 }
 
+// What the built-in object loses in mixed precision on a sound device with matrix units, dB; of a quick self-test what
+// is stored.
+std::optional<double> mixed_loss_of(const selftest::Report& report, const selftest::Options& options) {
+  if (report.verdict.fitness != Fitness::ok || built_in_model().empty()) return std::nullopt;
+  if (report.quick) {
+    const std::optional<Verdict> before = remembered_verdict(report.device);
+    return before ? before->mixed_loss : std::nullopt;
+  }
+  if (options.progress && !options.progress("mixed precision", 1)) fail(Status::cancelled, "stopped");
+  const AnyModel model = load_any_model(open_built_in_model());
+  const AnyConfig config = std::visit([](const auto& m) -> AnyConfig { return m.config; }, model);
+  const Weights& weights = std::visit([](const auto& m) -> const Weights& { return m.weights; }, model);
+  const auto psnr = [&](Context& ctx) {
+    ForwardOptions forward;
+    forward.planned_selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config, "selected");
+    return check_model(ctx, *make_network(ctx, config, weights), forward).psnr;
+  };
+  ContextOptions how;
+  how.device = fmt::to_string(report.device.index);
+  how.on_compile = options.on_compile;
+  how.off = report.verdict.off;
+  how.precision = Precision::mixed;
+  Context mixed(how);
+  if (mixed.matrix_unit() == MatrixUnit::emulated) return std::nullopt;
+  how.precision = Precision::fp32;
+  Context exact(how);
+  return psnr(exact) - psnr(mixed);
+}
+
 // Stores the verdict: "now", "before" if a worse one stays, "no" if it is not stored.
 std::string remember(const selftest::Report& report, bool forget) {
   if (forget) return "no";
@@ -87,7 +124,8 @@ vsplat_status vsplat_selftest(const vsplat_selftest_options* options, vsplat_fit
       to.progress = [&](const std::string& stage, double done) { return o.progress(o.user, stage.c_str(), done) != 0; };
     if (o.on_compile)
       to.on_compile = [&](const std::string& kernel, int compiled) { o.on_compile(o.user, kernel.c_str(), compiled); };
-    const selftest::Report report = selftest::run(o.device ? o.device : "", to);
+    selftest::Report report = selftest::run(o.device ? o.device : "", to);
+    report.verdict.mixed_loss = mixed_loss_of(report, to);
     Json out;
     out["verdict"] = name_of(report.verdict.fitness);
     out["off"] = names_of(report.verdict.off);
@@ -97,6 +135,7 @@ vsplat_status vsplat_selftest(const vsplat_selftest_options* options, vsplat_fit
     out["device"] = report.device.name;
     out["driver"] = report.device.driver;
     out["quick"] = report.quick;
+    out["mixed_loss"] = report.verdict.mixed_loss ? number_of(*report.verdict.mixed_loss) : Json();
     out["remembered"] = remember(report, o.forget != 0);
     out["flavours"] = Json::array();
     for (const selftest::FlavourResult& f : report.flavours) out["flavours"].push_back(json_of(f));

@@ -29,7 +29,19 @@ void on_log(void*, vsplat_log_level level, const char* text) {
   std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", for_terminal(text).c_str());
 }
 
-void add_device_options(CLI::App& app, Common& common, bool precision) {
+void add_precision(CLI::App& app, Common& common, bool automatic) {
+  std::vector<std::string> values = {"fp32", "mixed"};
+  std::string text = "Precision of large matrix products: mixed rounds the factors to bf16, for matrix units";
+  if (automatic) {
+    values.emplace_back("auto");
+    text += "; auto does so where a self-test (`vsplat selftest`) has found the result as good";
+  }
+  app.add_option("--precision", common.precision, text)
+      ->check(one_of(values))
+      ->type_name(automatic ? "fp32|mixed|auto" : "fp32|mixed");
+}
+
+void add_device_options(CLI::App& app, Common& common, const Takes& takes) {
   const OptionGroup in(app, "Device");
   app.add_option(
          "-d,--device", common.device,
@@ -44,11 +56,7 @@ void add_device_options(CLI::App& app, Common& common, bool precision) {
                  "Implementation of matrix products: CLBlast, or vsplat's own, which auto takes (default: auto)")
       ->check(one_of({"auto", "own", "clblast"}))
       ->type_name("auto|own|clblast");
-  if (precision)
-    app.add_option("--precision", common.precision,
-                   "Precision of large matrix products: mixed rounds the factors to bf16, for matrix units")
-        ->check(one_of({"fp32", "mixed"}))
-        ->type_name("fp32|mixed");
+  if (takes.precision) add_precision(app, common, takes.automatic_precision);
   app.add_option("--max-memory", common.max_memory, "Device memory to use at most (default: what the device reports)")
       ->check(positive())
       ->type_name("GiB");
@@ -59,7 +67,7 @@ void add_device_options(CLI::App& app, Common& common, bool precision) {
 CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMember(values).description(""); }
 
 void add_common(CLI::App& app, Common& common, const Takes& takes) {
-  if (takes.device) add_device_options(app, common, takes.precision);
+  if (takes.device) add_device_options(app, common, takes);
   const OptionGroup in(app, "Messages and files");
   if (takes.outside)
     app.add_option("--max-host-memory", common.max_host_memory,

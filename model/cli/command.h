@@ -49,6 +49,7 @@ CLI::Validator one_of(const std::vector<std::string>& values);
 // Which common options a sub-command takes besides --quiet and --verbose: those that have an effect there.
 struct Takes {
   bool device = true, profile = true, json = true, overwrite = true, outside = true, precision = false;
+  bool automatic_precision = false;  // whether --precision takes auto, too
 };
 void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 

@@ -285,7 +285,7 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->type_name("FILE.md|.csv|.json");
   sub->add_flag("--dry-run", o->table.dry_run,
                 "Only read what --table or --scenes lists, and print the memory of each row, or the views");
-  add_common(*sub, o->common, {.precision = true});
+  add_common(*sub, o->common, {.precision = true, .automatic_precision = true});
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to\n"
       "each novel one; SSIM; the share of voxels that were selected. Each is over all novel views of an object\n"

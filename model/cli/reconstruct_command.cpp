@@ -353,7 +353,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   add_fit_after(*sub, *o);
   add_extras(*sub, *o);
   add_list(*sub, *o);
-  add_common(*sub, o->common, {.precision = true});
+  add_common(*sub, o->common, {.precision = true, .automatic_precision = true});
   sub->footer(
       "Examples:\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"

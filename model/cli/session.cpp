@@ -38,7 +38,9 @@ vsplat_device_options Session::options(const std::string& device) {
              : common_.gemm == "clblast" ? VSPLAT_GEMM_CLBLAST
                                          : VSPLAT_GEMM_AUTO;
   out.max_memory_gib = common_.max_memory;
-  out.precision = common_.precision == "mixed" ? VSPLAT_PRECISION_MIXED : VSPLAT_PRECISION_FP32;
+  out.precision = common_.precision == "mixed"  ? VSPLAT_PRECISION_MIXED
+                  : common_.precision == "auto" ? VSPLAT_PRECISION_AUTO
+                                                : VSPLAT_PRECISION_FP32;
   out.on_compile = on_compile;
   out.user = this;
   return out;
@@ -80,6 +82,13 @@ Session::Session(const Common& common, Devices most) : common_(common) {
           "mixed precision: device " + std::to_string(device.info().index) +
               " has no matrix units that have passed their test; they are emulated, which is slower than fp32");
   }
+  if (common_.precision == "auto")
+    for (const vsplat::Device& device : devices_)
+      if (!*device.info().matrix_unit)
+        say(common_, "device " + std::to_string(device.info().index) +
+                         " computes in fp32: its kernels have no matrix units, or no self-test has found mixed "
+                         "precision as good "
+                         "(vsplat selftest)");
   recorded_ = timed || (common_.verbose && devices_.size() == 1);
   if (recorded_) devices_.front().profile(true);
 }
@@ -130,9 +139,9 @@ void Session::add_numerics(nlohmann::ordered_json& out) const {
     return alike ? all.front() : all;
   };
   out["tuning"] = of_all([](const vsplat_device_info& info) { return info.tuning; });
-  out["precision"] = common_.precision;
+  out["precision"] = of_all([](const vsplat_device_info& info) { return *info.matrix_unit ? "mixed" : "fp32"; });
   out["switched_off"] = of_all([](const vsplat_device_info& info) { return info.switched_off; });
-  if (common_.precision == "mixed")
+  if (common_.precision != "fp32")
     out["matrix_unit"] = of_all([](const vsplat_device_info& info) { return info.matrix_unit; });
 }
 

@@ -61,6 +61,7 @@ Verdict verdict_in(const nlohmann::json& json) {
   out.worst = json.at("worst");
   out.date = json.at("date");
   if (json.contains("refused")) out.refused = json.at("refused").get<std::vector<std::string>>();
+  if (json.contains("mixed_loss")) out.mixed_loss = json.at("mixed_loss").get<double>();
   return out;
 }
 
@@ -156,6 +157,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
                               {"kernels", kernels_hash()}};
   for (const SwitchName& one : switch_names())
     if (verdict.off.*one.which) json["off"].push_back(one.name);
+  if (verdict.mixed_loss) json["mixed_loss"] = *verdict.mixed_loss;
   try {
     keep_finding(path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     return true;
@@ -177,6 +179,13 @@ SwitchedOff fit_for_use(const DeviceInfo& device) {
   if (verdict->off.any())
     verbose("{}: not used since the self-test of {}: {}", device.name, verdict->date, in_words(verdict->off));
   return verdict->off;
+}
+
+bool mixed_is_as_good(const DeviceInfo& device) {
+  constexpr double most = 0.02;
+  if (environment("VSPLAT_SELFTEST") == "ignore") return false;
+  const std::optional<Verdict> verdict = remembered_verdict(device);
+  return verdict && verdict->fitness == Fitness::ok && verdict->mixed_loss && *verdict->mixed_loss < most;
 }
 
 std::vector<std::string> refused_choices(const DeviceInfo& device) {

@@ -45,7 +45,14 @@ struct Verdict {
   std::string worst;                      // text: the kernel that is wrong, and by how much; empty if ok
   std::string date;                       // of the self-test, "2026-11-23"
   std::vector<std::string> refused = {};  // wrong choices of tables, by the names that tuning.h gives them
+  // What the built-in object loses in mixed precision by the device's own matrix units, dB of PSNR. Unset: not
+  // measured.
+  std::optional<double> mixed_loss = std::nullopt;
 };
+
+// Whether the device passed a self-test that found mixed precision as good as fp32: less than 0.02 dB are lost. Not
+// with VSPLAT_SELFTEST=ignore.
+bool mixed_is_as_good(const DeviceInfo& device);
 
 std::optional<Verdict> remembered_verdict(const DeviceInfo& device);
 // Stores the verdict. False if there is no cache.

@@ -1,6 +1,8 @@
 """--precision: mixed is reported, gives the same bytes each time and pictures like fp32's, and is refused if it is not available."""
+import glob
 import json
 import os
+import pathlib
 
 import support
 
@@ -73,6 +75,30 @@ class Precision(support.Case):
             self.assertEqual(self.reconstructed(name, "--precision", "mixed", env=env)[0], scene)
         exact = self.reconstructed("fp32.ply", "--kernels", "cpu", env=env)[0]
         self.assertNotEqual(exact, scene)
+
+    def test_auto_takes_mixed_where_a_self_test_has_found_it_as_good(self):
+        env = {"VSPLAT_MATRIX_LEAST": "1", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
+        mixed, result, _ = self.reconstructed("mixed.ply", "--precision", "mixed", env=env)
+        has_units = result["matrix_unit"] != "emulated"
+        exact = self.reconstructed("fp32.ply", env=env)[0]
+        scene, result, err = self.reconstructed("before.ply", "--precision", "auto", env=env)
+        self.assertEqual((scene, result["precision"], result["matrix_unit"]), (exact, "fp32", None))
+        self.assertIn("no self-test has found mixed precision as good", err)
+        self.succeeds("selftest", "--quick", "--json", env=env)
+        [path] = glob.glob(self.path("cache", "verdicts", "*.json"))
+        verdict = json.loads(pathlib.Path(path).read_text())
+        self.assertNotIn("mixed_loss", verdict, "a quick self-test does not measure it")
+        for loss, as_good in ((0.019, True), (-0.3, True), (0.021, False)):
+            pathlib.Path(path).write_text(json.dumps({**verdict, "mixed_loss": loss}))
+            scene, result, _ = self.reconstructed("auto.ply", "--precision", "auto", "--overwrite", env=env)
+            self.assertEqual(result["precision"], "mixed" if as_good and has_units else "fp32")
+            self.assertEqual(scene, mixed if as_good and has_units else exact)
+        pathlib.Path(path).write_text(json.dumps({**verdict, "verdict": "degraded", "mixed_loss": 0}))
+        self.assertEqual(self.reconstructed("auto.ply", "--precision", "auto", "--overwrite", env=env)[1]["precision"], "fp32")
+        pathlib.Path(path).write_text(json.dumps({**verdict, "mixed_loss": 0.001}))
+        self.assertEqual(json.loads(self.succeeds("selftest", "--quick", "--json", env=env)[0])["mixed_loss"], 0.001, "stays")
+        self.assertEqual(self.reconstructed("auto.ply", "--precision", "auto", "--overwrite", env={**env, "VSPLAT_SELFTEST": "ignore"})[1]["precision"], "fp32")
+        self.refuses(2, ["--precision", "auto"], "train", self.path("none.json"), "--precision", "auto")
 
     def test_units_that_do_not_work_are_left_out_and_remembered(self):
         """Units requested by name on a device that lacks them: their test fails, is reported once, and the emulated ones are used."""

@@ -26,7 +26,7 @@ class Device(_Handle):
 
     def __init__(self, device: str | int = "", kernels: str = "auto", max_memory_gib: float = 0.0, precision: str = "fp32"):
         """`device`: an index (0, "0"), platform:device ("0:1"), a type ("cpu", "gpu", "acc") or a part of a name; "": $VSPLAT_DEVICE, else
-        the first GPU, else the first device. `precision`: fp32 or mixed (vsplat/device.h)."""
+        the first GPU, else the first device. `precision`: fp32, mixed or auto (vsplat/device.h)."""
         flavours = {"auto": 0, "cpu": 1, "gpu": 2}
         if kernels not in flavours:
             raise UsageError(f"kernels is {kernels!r}: auto, cpu or gpu expected")
@@ -305,9 +305,9 @@ class Device(_Handle):
 
 
 def _precision(name: str) -> int:
-    precisions = {"fp32": 0, "mixed": 1}
+    precisions = {"fp32": 0, "mixed": 1, "auto": 2}
     if name not in precisions:
-        raise UsageError(f"precision is {name!r}: fp32 or mixed expected")
+        raise UsageError(f"precision is {name!r}: fp32, mixed or auto expected")
     return precisions[name]
 
 

@@ -44,7 +44,8 @@ typedef struct vsplat_selftest_options {
 
    `options` NULL: defaults. `out_text`, unless it is NULL, becomes JSON, to be freed with vsplat_text_free: {"verdict":
    "ok", "degraded" or "unusable", "off": [names], "off_in_words", "worst", "date", "device", "driver", "quick",
-   "remembered": "now", "before" (a worse one stays) or "no", "flavours": [{"flavour", "usable", "off", "results",
+   "mixed_loss": dB of PSNR that mixed precision costs on a built-in object, null if it is not known, "remembered":
+   "now", "before" (a worse one stays) or "no", "flavours": [{"flavour", "usable", "off", "results",
    "kernels": [{"kernel", "file", "options", "verdict": "ok", "wrong" or "in doubt", "results", "wrong", "what",
    "error", "tolerance"}], "wrong": [{"what", "kernels", "error", "tolerance", "trouble"}], "tuned": [{"what", "error",
    "right", "why"}], "untested": [kernels that no case launches]}]}. `tuned` are the choices of the device's table
