@@ -36,7 +36,7 @@ void hold_message(const Error& error, const std::string& path) {
   // Commands to copy stand in lines of their own.
   for (std::size_t i = 0; i < text.size(); ++i) {
     const std::string_view rest = std::string_view(text).substr(i);
-    hold(((text[i] < 0 || text[i] >= ' ') && text[i] != '\x7f') || rest.starts_with("\n  vsplat poses ") ||
+    hold((static_cast<unsigned char>(text[i]) >= ' ' && text[i] != '\x7f') || rest.starts_with("\n  vsplat poses ") ||
              rest.starts_with("\nThen give "),
          "the message has no control characters");
   }

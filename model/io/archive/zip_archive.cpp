@@ -34,7 +34,7 @@ std::string text_of(zip_error_t& error) {
 bool is_plain(std::string_view name) {
   if (name.empty() || name.size() > kLongestName || name.front() == '/') return false;
   for (const char c : name)
-    if ((c >= 0 && c < ' ') || c == '\x7f' || c == '\\') return false;
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f' || c == '\\') return false;
   for (std::size_t at = 0; at <= name.size();) {
     const std::size_t end = std::min(name.find('/', at), name.size());
     const std::string_view part = name.substr(at, end - at);

@@ -60,10 +60,11 @@ class SogObject {
     for (std::size_t i = 0; i < count; ++i) {
       if (!v[i].is_string()) wrong("files", expected);
       const std::string& name = out.emplace_back(v[i].get<std::string>());
-      const bool plain = !name.empty() && name.size() <= 255 && name != "." && name != ".." &&
-                         std::none_of(name.begin(), name.end(), [](char c) {
-                           return (c >= 0 && c < ' ') || c == '/' || c == '\\' || c == ':' || c == '\x7f';
-                         });
+      const bool plain =
+          !name.empty() && name.size() <= 255 && name != "." && name != ".." &&
+          std::none_of(name.begin(), name.end(), [](char c) {
+            return static_cast<unsigned char>(c) < ' ' || c == '/' || c == '\\' || c == ':' || c == '\x7f';
+          });
       if (!plain) wrong("files", expected);
     }
     return out;
