@@ -5,6 +5,7 @@
 #include <vsplat/selftest.h>
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -17,6 +18,7 @@
 #include "model/networks/params/model_file.h"
 #include "model/networks/params/systems.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -72,15 +74,8 @@ Json json_of(const selftest::FlavourResult& f) {
   return out;
 }
 
-// What the built-in object loses in mixed precision on a sound device with matrix units, dB; of a quick self-test what
-// is stored.
-std::optional<double> mixed_loss_of(const selftest::Report& report, const selftest::Options& options) {
-  if (report.verdict.fitness != Fitness::ok || built_in_model().empty()) return std::nullopt;
-  if (report.quick) {
-    const std::optional<Verdict> before = remembered_verdict(report.device);
-    return before ? before->mixed_loss : std::nullopt;
-  }
-  if (options.progress && !options.progress("mixed precision", 1)) fail(Status::cancelled, "stopped");
+// dB; NaN without matrix units.
+double measured_mixed_loss(const selftest::Report& report, const selftest::Options& options) {
   const AnyModel model = load_any_model(open_built_in_model());
   const AnyConfig config = std::visit([](const auto& m) -> AnyConfig { return m.config; }, model);
   const Weights& weights = std::visit([](const auto& m) -> const Weights& { return m.weights; }, model);
@@ -95,10 +90,29 @@ std::optional<double> mixed_loss_of(const selftest::Report& report, const selfte
   how.off = report.verdict.off;
   how.precision = Precision::mixed;
   Context mixed(how);
-  if (mixed.matrix_unit() == MatrixUnit::emulated) return std::nullopt;
+  if (mixed.matrix_unit() == MatrixUnit::emulated) return std::numeric_limits<double>::quiet_NaN();
   how.precision = Precision::fp32;
   Context exact(how);
   return psnr(exact) - psnr(mixed);
+}
+
+// What the built-in object loses in mixed precision on a sound device with matrix units, dB; of a quick self-test what
+// is stored.
+std::optional<double> mixed_loss_of(const selftest::Report& report, const selftest::Options& options) {
+  if (report.verdict.fitness != Fitness::ok || built_in_model().empty()) return std::nullopt;
+  if (report.quick) {
+    const std::optional<Verdict> before = remembered_verdict(report.device);
+    return before ? before->mixed_loss : std::nullopt;
+  }
+  if (options.progress && !options.progress("mixed precision", 1)) fail(Status::cancelled, "stopped");
+  try {
+    const double loss = measured_mixed_loss(report, options);
+    if (std::isfinite(loss)) return loss;
+  } catch (const Error& e) {  // such as too little memory for the network: the verdict stands without it
+    if (e.status() == Status::cancelled) throw;
+    verbose("what mixed precision loses is not measured: {}", e.what());
+  }
+  return std::nullopt;
 }
 
 // Stores the verdict: "now", "before" if a worse one stays, "no" if it is not stored.

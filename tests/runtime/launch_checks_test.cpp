@@ -48,8 +48,9 @@ class LaunchChecks : public ::testing::Test {
   static constexpr float nan = std::numeric_limits<float>::quiet_NaN();
   static constexpr float infinity = std::numeric_limits<float>::infinity();
 
- private:
   test::TemporaryFolder folder_;
+
+ private:
   Variable kernels_;
 };
 
@@ -130,7 +131,7 @@ TEST_F(LaunchChecks, ZonesAreNan) {
   const auto ctx = guarded("nan");
   if (!ctx) GTEST_SKIP() << kNoRedZones;
   const Tensor x = ctx->tensor({3, 3}), y = ctx->upload({1}, std::vector<float>(1, 0.0f));
-  test::put_file(std::string(std::getenv("VSPLAT_KERNEL_DIR")) + "/beyond.cl",
+  test::put_file(folder_ / "beyond.cl",
                  "kernel void sum(global const float* from, int n, global float* to) { to[0] += 2.0f * from[n]; }\n");
   expect_named(test::refusal(
                    [&] {
