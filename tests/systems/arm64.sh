@@ -31,7 +31,7 @@ work=$folder
 
 mkdir -p "$work/arm64-downloads/partial"
 work=$(cd "$work" && pwd)
-root=$work/arm64 tree=$work/arm64-tree log=$work/arm64.log
+root=$work/arm64 tree=$work/tree-arm64 log=$work/arm64.log  # (CMake takes what begins with the root for a part of it)
 exec 9>"$work/arm64.lock"
 flock -n 9 || fail "another run uses $root"
 : >"$log"
