@@ -96,6 +96,7 @@ double psnr(const Image& a, const Image& b) {
 
 namespace {
 
+// The pixels of a picture that are known, without a list of them.
 struct KnownPixels {
   std::size_t all, count;  // of the picture, and those that are known
   std::span<const std::uint8_t> known;

@@ -17,9 +17,8 @@ class ZipArchive {
     std::uint64_t index = 0, bytes = 0;
   };
 
-  // Reads the directory and no content. Error(format) for an inconsistent archive, for a compressed or encrypted entry
-  // (so nothing is larger than the file), and for names that are duplicate, leave the folder or contain control
-  // characters.
+  // Reads the directory and no content. Error(format) for a damaged directory, for a compressed or encrypted entry (so
+  // nothing is larger than the file), and for names that are duplicate, leave the folder or contain control characters.
   explicit ZipArchive(const std::string& path);
   ~ZipArchive();
   ZipArchive(const ZipArchive&) = delete;
