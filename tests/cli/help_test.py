@@ -45,6 +45,22 @@ class Help(support.FolderCase):
         self.refuses(2, ["no command redner", "did you mean render"], "help", "redner")
         self.refuses(2, "weights has no command infos; did you mean info", "help", "weights", "infos")
 
+    def test_layout(self):
+        """Names stand in column 3 and what they mean in column 39, whichever release of CLI11 is installed."""
+        for words in commands():
+            rows = re.findall(r"^  .*", re.split(r"\nExamples?:\n", help_of(words))[0], re.M)
+            for row, after in zip(rows, rows[1:] + [""]):
+                with self.subTest(words=words, row=row):
+                    self.assertLessEqual(len(row), 118)
+                    if not row.startswith("   ") and (len(row) <= 38 or row[37] != " "):        # a long name, alone
+                        self.assertRegex(after, r"^ {38}\S") if len(row) >= 38 else None
+                    else:
+                        self.assertRegex(row, r"^  .{36}\S")
+        self.assertIn("\nUsage: vsplat render [OPTIONS] SCENE\n\nPositionals:\n  SCENE REQUIRED  ", help_of(["render"]))
+        self.assertIn("\nPictures:\n  --cameras CAMERAS|orbit:N|path:CAMERAS:N\n", help_of(["render"]))
+        self.assertIn("\nExamples:\n  vsplat render ", help_of(["render"]))
+        self.assertIn("Subcommands:\n  info        ", help_of(["weights"]))
+
     def test_man_pages(self):
         self.succeeds("help", "--man-pages", self.path("man1"))
         self.refuses(1, ["vsplat.1", "exists"], "help", "--man-pages", self.path("man1"))
