@@ -11,11 +11,10 @@
 #include <utility>
 
 #include "command.h"
+#include "difference.h"
 
 namespace command {
 namespace {
-
-constexpr float difference_gain = 4;  // without it, differences that the eye sees in the pictures would look black
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
@@ -134,16 +133,11 @@ std::string Comparison::add(std::size_t index, const vsplat::Picture& drawn, Out
 void Comparison::compare(std::size_t index, const vsplat::Picture& drawn, const std::vector<float>& given,
                          Outputs& outputs) {
   vsplat_comparison found = VSPLAT_COMPARISON_INIT;
-  vsplat::Picture difference;
-  if (!differences_.empty()) difference.colour.resize(given.size());
-  vsplat::check(vsplat_compare(drawn.colour.data(), given.data(), drawn.width, drawn.height, &found,
-                               differences_.empty() ? nullptr : difference.colour.data()));
+  vsplat::check(vsplat_compare(drawn.colour.data(), given.data(), drawn.width, drawn.height, &found, nullptr));
   rows_.push_back({index, files_[index], found.psnr, found.psnr_cc, found.ssim});
   if (differences_.empty()) return;
-  difference.width = drawn.width;
-  difference.height = drawn.height;
-  difference.alpha.resize(given.size() / 3);
-  for (float& v : difference.colour) v *= difference_gain;
+  vsplat::Picture difference(drawn.width, drawn.height);
+  std::transform(drawn.colour.begin(), drawn.colour.end(), given.begin(), difference.colour.begin(), shown_difference);
   difference.save(outputs.begin(difference_file(differences_, index)), VSPLAT_PICTURE_PNG);
 }
 

@@ -1,9 +1,10 @@
 #include "data_uri.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
+
+#include "difference.h"
 
 namespace command {
 namespace {
@@ -55,10 +56,8 @@ std::string picture_uri(const Colours& picture, int longest) {
 }
 
 std::string difference_uri(const Colours& a, const Colours& b, int longest) {
-  const auto in_range = [](float v) { return std::clamp(v, 0.0f, 1.0f); };
-  return uri_of(scaled_down(a.width, a.height, longest, [&](std::size_t i) {
-    return std::min(4 * std::abs(in_range(a.values[i]) - in_range(b.values[i])), 1.0f);
-  }));
+  return uri_of(scaled_down(a.width, a.height, longest,
+                            [&](std::size_t i) { return shown_difference(a.values[i], b.values[i]); }));
 }
 
 }  // namespace command

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "arguments.h"
+#include "difference.h"
 #include "naming.h"
 #include "runtime/system/system.h"
 
@@ -109,16 +110,6 @@ std::string log_text(const FitPage& page, double psnr_cc) {
 vsplat_comparison scores_of(const vsplat_measured& from) {
   vsplat_comparison out = VSPLAT_COMPARISON_INIT;
   out.psnr = from.psnr, out.psnr_cc = from.psnr_cc, out.ssim = from.ssim;
-  return out;
-}
-
-// 4 x |difference|, in `colour` only.
-vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given) {
-  vsplat::Picture out = given;
-  vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
-  vsplat::check(
-      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &unused, out.colour.data()));
-  for (float& v : out.colour) v = std::min(4 * v, 1.0f);
   return out;
 }
 
@@ -424,12 +415,14 @@ void FitJob::draw_sheet(Session& session, const vsplat::Fit& fit, const vsplat::
     const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
     const vsplat_camera camera = fit.camera(view);
     vsplat::Sheet cells = sheet;
-    const vsplat::Picture given = fit.picture(view);
+    vsplat::Picture given = fit.picture(view);
     cells.add(given);
     cells.add(vsplat::render(session.device(), start_, camera, drawing));
     const vsplat::Picture after = vsplat::render(session.device(), scene, camera, drawing);
     cells.add(after);
-    cells.add(difference_of(after, given));
+    std::transform(after.colour.begin(), after.colour.end(), given.colour.begin(), given.colour.begin(),
+                   shown_difference);
+    cells.add(given);
   }
   sheet.save(outputs.begin(sheet_));
 }
