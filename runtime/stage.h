@@ -10,7 +10,8 @@ namespace vsplat {
 class Context;
 
 // Names the stage of all launches during its life: "encoder", "modulation", "lifting", "volume", "heads", "selection",
-// "refinement", "decode", "splat". Memory peaks are recorded per stage, too.
+// "refinement", "decode", "splat", and within it "project", "sort", "rasterize". The innermost one counts. Memory peaks
+// are recorded per stage, too.
 class Stage {
  public:
   Stage(Context& context, const std::string& name);

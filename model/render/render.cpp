@@ -33,6 +33,7 @@ struct View {
 };
 
 View cull(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+  const Stage stage(ctx, "project");
   View out{upload_views(ctx, {camera}, options.near, options.mirror), make_culled(ctx, scene.count)};
   for (long i = 0; i < scene.chunks(); ++i) {
     const DeviceGaussians chunk = scene.get(ctx, i);
@@ -63,6 +64,7 @@ VisibleCount assumed(const GaussianChunks& scene, const RenderOptions& options, 
 
 Projected project_part(Context& ctx, const GaussianChunks& scene, const View& view, const RenderOptions& options,
                        const Part& part, const VisibleCount& count) {
+  const Stage stage(ctx, "project");
   const bool surfels = scene.kind == GaussianKind::surfel;
   Projected out = compact_visible(ctx, view.culled, part, count, surfels ? kSurfelRecord : kRecord);
   out.camera = view.camera;
@@ -92,6 +94,19 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
   return out;
 }
 
+VisibleCount count_part(Context& ctx, const View& view, const Part& part) {
+  const Stage stage(ctx, "project");
+  return count_visible(ctx, view.culled, part);
+}
+
+Binned sort_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
+                 const Projected& projected, std::uint64_t intersections, bool slots) {
+  const Stage stage(ctx, "sort");
+  // A surfel's alpha within a tile cannot be bounded from its record alone.
+  const bool exact = options.exact_tiles && scene.kind == GaussianKind::volume;
+  return tile_bin(ctx, projected, intersections, part, {slots, exact});
+}
+
 // Splits across the longer side.
 void split(const Part& part, std::vector<Part>& parts) {
   Part first = part, second = part;
@@ -113,7 +128,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
   std::vector<Part> parts{whole(camera)};
   std::optional<VisibleCount> first;  // of the whole picture
   if (options.counted && !ctx.planning()) {
-    first = count_visible(ctx, view.culled, parts.front());
+    first = count_part(ctx, view, parts.front());
     if (options.counted(first->intersections)) {
       view = cull(ctx, scene, camera, options);
       first.reset();
@@ -122,7 +137,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
   while (!parts.empty()) {
     const Part part = parts.back();
     parts.pop_back();
-    VisibleCount count = first ? *std::exchange(first, std::nullopt) : count_visible(ctx, view.culled, part);
+    VisibleCount count = first ? *std::exchange(first, std::nullopt) : count_part(ctx, view, part);
     if (ctx.planning()) {
       count = assumed(scene, options, part);
     } else if (options.most_pairs > 0 && count.intersections > options.most_pairs && part.tiles() > 1) {
@@ -131,9 +146,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
     }
     const auto draw = [&](Context& c) {
       const Projected projected = project_part(c, scene, view, options, part, count);
-      // A surfel's alpha within a tile cannot be bounded from its record alone.
-      const bool exact = options.exact_tiles && scene.kind == GaussianKind::volume;
-      work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, exact}));
+      work(c, part, projected, sort_part(c, scene, options, part, projected, count.intersections, slots));
     };
     const std::array<std::uint64_t, 4> sizes{static_cast<std::uint64_t>(part.tiles()),
                                              static_cast<std::uint64_t>(scene.count), count.gaussians,
@@ -154,6 +167,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
 
 void draw_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                const Projected& projected, const Binned& binned, const DevicePicture& picture) {
+  const Stage stage(ctx, "rasterize");
   if (scene.kind == GaussianKind::surfel)
     rasterize_surfels_forward(ctx,
                               {projected, binned, part, options.background, picture, options.near, options.revision});
@@ -189,6 +203,7 @@ void render_larger(Context& ctx, const GaussianChunks& scene, const Camera& came
   const Camera larger = times_as_large(camera, options.supersample);
   const DevicePicture picture = reserved_picture(ctx, scene, larger, maps);
   render_into(ctx, scene, larger, once, picture);
+  const Stage stage(ctx, "rasterize");
   for (Tensor DevicePicture::*const map :
        {&DevicePicture::colour, &DevicePicture::alpha, &DevicePicture::depth, &DevicePicture::normal,
         &DevicePicture::median, &DevicePicture::distortion, &DevicePicture::moments})
@@ -211,7 +226,7 @@ void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, co
                  const Camera& camera, const RenderOptions& options) {
   const View view = cull_reserved(ctx, scene, times_as_large(camera, options.supersample), options);
   RenderOptions counted = options;
-  counted.counts = [&](const Part& part) { return count_visible(ctx, view.culled, part); };
+  counted.counts = [&](const Part& part) { return count_part(ctx, view, part); };
   render(planner, planned, camera, counted);
 }
 

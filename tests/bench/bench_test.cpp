@@ -162,7 +162,7 @@ TEST(Bench, TrainsAndSaysWhichKernelTookHowLong) {
     for (const bench::KernelTime& k : r.kernels) of_kernels += k.seconds;
     EXPECT_NEAR(of_kernels, of_stages * std::max(r.median_s, of_kernels), 1e-6 * of_kernels);
     for (const char* stage : {"encoder", "lifting", "volume", "refinement"}) EXPECT_GT(r.stages.at(stage), 0) << stage;
-    EXPECT_EQ(r.stages.count("splat"), at);
+    EXPECT_EQ(r.stages.count("rasterize"), at);
     EXPECT_EQ(json["results"][at]["kernels"].size(), r.kernels.size());
     EXPECT_NE(bench::table(report).find(r.kernels[0].name), std::string::npos);
   }

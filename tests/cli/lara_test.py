@@ -42,7 +42,7 @@ class Lara(support.Case):
         self.assertTrue(plan)
         self.succeeds("reconstruct", self.views, "--model", self.lara, "--output", self.path("p.ply"), "--profile", self.path("p.json"))
         profile = open(self.path("p.json")).read()
-        for stage in ("encoder", "modulation", "lifting", "volume", "heads", "selection", "splat", "refinement"):
+        for stage in ("encoder", "modulation", "lifting", "volume", "heads", "selection", "sort", "rasterize", "refinement"):
             self.assertIn(f'"{stage}', profile)
         for kernel in ("rasterize_surfels", "cross_attention", "sample_points"):
             self.assertIn(kernel, profile)

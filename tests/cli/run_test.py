@@ -28,8 +28,14 @@ class Run(support.Case):
         for field in ("device", "driver", "wall_s", "peak_bytes"):
             self.assertIn(field, profile)
         stages = {k["stage"] for k in profile["kernels"]}
-        self.assertLessEqual({"encoder", "modulation", "lifting", "volume", "heads", "selection", "splat"}, stages)
-        self.assertLessEqual(stages, {"encoder", "modulation", "lifting", "volume", "heads", "selection", "refinement", "decode", "splat", "transfer"})
+        always = {"encoder", "modulation", "lifting", "volume", "heads", "selection", "project", "sort", "rasterize"}
+        self.assertLessEqual(always, stages)
+        self.assertLessEqual(stages, always | {"refinement", "decode", "splat", "transfer"})
+        stage_of = {k["name"]: k["stage"] for k in profile["kernels"]}
+        for kernel, stage in (("project_cull", "project"), ("visible_count", "project"), ("project_forward", "project"), ("scan_blocks", "sort"),
+                              ("tile_bin_count", "sort")):
+            self.assertEqual(stage_of[kernel], stage, kernel)
+        self.assertEqual({stage for kernel, stage in stage_of.items() if kernel.startswith("rasterize")}, {"rasterize"})
         for kernel in profile["kernels"]:
             self.assertLessEqual({"name", "stage", "calls", "total_ns", "min_ns", "max_ns", "flops", "bytes", "timed_by"}, kernel.keys())
             self.assertIn(kernel["timed_by"], ("device", "host"))

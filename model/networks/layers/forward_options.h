@@ -26,8 +26,8 @@ struct ForwardOptions {
   std::function<void(const std::string& stage, double done)> progress;
 };
 
-// Device memory of a run: the network's, and that of rendering its result at the network's size ("splat", which assumes
-// that each Gaussian touches RenderOptions::assumed_tiles tiles).
+// Device memory of a run: the network's, and that of rendering its result at the network's size (which assumes that
+// each Gaussian touches RenderOptions::assumed_tiles tiles).
 struct MemoryPlan {
   std::size_t weights = 0;          // bytes of slabs that hold the weights
   std::size_t peak = 0;             // maximum of all bytes in use

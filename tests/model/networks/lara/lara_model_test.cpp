@@ -259,7 +259,7 @@ TEST_P(Lara, PlanTellsTheMemoryOfTheRun) {
   std::set<std::string> stages;
   for (const StageMemory& stage : plan.stages) stages.insert(stage.stage);
   EXPECT_EQ(stages, (std::set<std::string>{"encoder", "modulation", "lifting", "volume", "heads", "decode", "selection",
-                                           "splat", "refinement"}));
+                                           "splat", "project", "sort", "refinement"}));
 
   test::expect_refused_when_tight(GetParam(), plan, [&](Context& small) {
     const LaraModel model(small, config, golden.weights());
