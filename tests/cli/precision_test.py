@@ -100,6 +100,21 @@ class Precision(support.Case):
         self.assertEqual(self.reconstructed("auto.ply", "--precision", "auto", "--overwrite", env={**env, "VSPLAT_SELFTEST": "ignore"})[1]["precision"], "fp32")
         self.refuses(2, ["--precision", "auto"], "train", self.path("none.json"), "--precision", "auto")
 
+    @support.slow
+    def test_a_whole_self_test_measures_what_mixed_loses(self):
+        env = {"VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
+        unit = self.reconstructed("mixed.ply", "--precision", "mixed", env=env)[1]["matrix_unit"]
+        loss = json.loads(self.succeeds("selftest", "--json", env=env)[0])["mixed_loss"]
+        [path] = glob.glob(self.path("cache", "verdicts", "*.json"))
+        self.assertEqual(json.loads(pathlib.Path(path).read_text()).get("mixed_loss"), loss)
+        precision = self.reconstructed("auto.ply", "--precision", "auto", env=env)[1]["precision"]
+        if unit == "emulated":
+            self.assertEqual((loss, precision), (None, "fp32"))
+        else:
+            self.assertLess(abs(loss), 0.05)
+            self.assertNotEqual(loss, 0)
+            self.assertEqual(precision, "mixed" if loss < 0.02 else "fp32")
+
     def test_units_that_do_not_work_are_left_out_and_remembered(self):
         """Units requested by name on a device that lacks them: their test fails, is reported once, and the emulated ones are used."""
         env = {**EMULATED, "VSPLAT_MATRIX": "wmma", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}

@@ -24,7 +24,7 @@ foreach(part accidents bad_files bench cameras check convert dataset doctor driv
   vsplat_cli_test(cli_${part} ${part}_test.py LABELS cli ${with_library})
 endforeach()
 # The tests marked as slow in these files, which the tests above skip.
-foreach(part bad_files import live reader selftest share train train_learns tune viewer)
+foreach(part bad_files import live precision reader selftest share train train_learns tune viewer)
   vsplat_cli_test(cli_${part}_slow ${part}_test.py --slow LABELS cli slow ${with_library})
 endforeach()
 
