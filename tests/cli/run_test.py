@@ -31,11 +31,10 @@ class Run(support.Case):
         always = {"encoder", "modulation", "lifting", "volume", "heads", "selection", "project", "sort", "rasterize"}
         self.assertLessEqual(always, stages)
         self.assertLessEqual(stages, always | {"refinement", "decode", "splat", "transfer"})
-        stage_of = {k["name"]: k["stage"] for k in profile["kernels"]}
-        for kernel, stage in (("project_cull", "project"), ("visible_count", "project"), ("project_forward", "project"), ("scan_blocks", "sort"),
-                              ("tile_bin_count", "sort")):
-            self.assertEqual(stage_of[kernel], stage, kernel)
-        self.assertEqual({stage for kernel, stage in stage_of.items() if kernel.startswith("rasterize")}, {"rasterize"})
+        found = {(k["name"], k["stage"]) for k in profile["kernels"]}
+        self.assertLessEqual({("project_cull", "project"), ("visible_count", "project"), ("project_forward", "project"), ("scan_blocks", "sort"),
+                              ("tile_bin_count", "sort")}, found)
+        self.assertEqual({stage for kernel, stage in found if kernel.startswith("rasterize")}, {"rasterize"})
         for kernel in profile["kernels"]:
             self.assertLessEqual({"name", "stage", "calls", "total_ns", "min_ns", "max_ns", "flops", "bytes", "timed_by"}, kernel.keys())
             self.assertIn(kernel["timed_by"], ("device", "host"))
