@@ -41,32 +41,25 @@ Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
 
 namespace {
 
-IntersectionGradients rasterize_part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options,
-                                              const Part& part, const Projected& projected, const Binned& binned,
-                                              const DevicePicture& picture, const PictureGradient& gradient,
-                                              const PixelSums& sums) {
-  const Stage stage(ctx, "rasterize");
-  IntersectionGradients rows =
-      scene.kind == GaussianKind::surfel
-          ? rasterize_surfels_backward(
-                ctx, {projected, binned, part, options.background, picture, gradient, options.near, options.revision})
-          : rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient, Pulls::none,
-                                     static_cast<bool>(sums.to)});
-  if (!sums.to) return rows;
-  SplatScores a{projected, binned.offsets, rows, sums.to};
-  if (sums.wide_first) a.most_pixels = static_cast<double>(picture.alpha.count()) / 2;
-  splat_scores(ctx, a);
-  return rows;
-}
-
 // The gradients of one part of the picture, which has been drawn. `pose_gradients`: those of project_backward().
 void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                    const Projected& projected, const Binned& binned, const DevicePicture& picture,
                    const PictureGradient& gradient, const SceneGradient& out, const Tensor& pose_gradients,
                    const PixelSums& sums) {
   const bool surfels = scene.kind == GaussianKind::surfel, mirrored = options.mirror.has_value();
-  const IntersectionGradients rows =
-      rasterize_part_backward(ctx, scene, options, part, projected, binned, picture, gradient, sums);
+  IntersectionGradients rows;
+  {
+    const Stage stage(ctx, "rasterize");
+    rows = surfels ? rasterize_surfels_backward(ctx, {projected, binned, part, options.background, picture, gradient,
+                                                      options.near, options.revision})
+                   : rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient,
+                                              Pulls::none, static_cast<bool>(sums.to)});
+    if (sums.to) {
+      SplatScores a{projected, binned.offsets, rows, sums.to};
+      if (sums.wide_first) a.most_pixels = static_cast<double>(picture.alpha.count()) / 2;
+      splat_scores(ctx, a);
+    }
+  }
   const Stage stage(ctx, "project");
   for (long i = 0; i < scene.chunks(); ++i) {
     const DeviceGaussians chunk = scene.get(ctx, i);
@@ -156,9 +149,12 @@ void screen_pulls(Context& ctx, const DeviceGaussians& scene, const Camera& came
   const DevicePicture picture = reserved_picture(ctx, chunks, camera, {});
   const auto pull = [&](Context& c, const Part& part, const Projected& projected, const Binned& binned,
                         const PictureGradient& gradient) {
-    const Stage drawing(c, "rasterize");
-    const IntersectionGradients rows =
-        rasterize_backward(c, {projected, binned, part, options.background, picture, gradient, pulls});
+    IntersectionGradients rows;
+    {
+      const Stage rasterizing(c, "rasterize");
+      rows = rasterize_backward(c, {projected, binned, part, options.background, picture, gradient, pulls});
+    }
+    const Stage projecting(c, "project");
     project_pulls(c, {projected, binned.offsets, rows, camera.width / 2.0, camera.height / 2.0, out});
   };
   bool done = false;
