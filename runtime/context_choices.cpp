@@ -15,8 +15,8 @@ namespace vsplat {
 const char* name_of(Flavour flavour) { return flavour == Flavour::cpu ? "cpu" : "gpu"; }
 const char* name_of(Precision precision) { return precision == Precision::fp32 ? "fp32" : "mixed"; }
 const char* name_of(MatrixUnit unit) {
-  constexpr std::array<const char*, kMatrixUnits.size()> names = {"emulated", "ptx",  "dpas",
-                                                                  "wmma",     "mfma", "avx512bf16"};
+  constexpr std::array<const char*, kMatrixUnits.size()> names = {"emulated", "ptx",        "dpas", "wmma",
+                                                                  "mfma",     "avx512bf16", "amx"};
   return names.at(static_cast<std::size_t>(unit));
 }
 
@@ -34,7 +34,7 @@ Flavour asked_for(Flavour flavour, const SwitchedOff& off) {
 
 // In mixed precision the unit decides. Emulated units have the gpu kernels, unless the cpu kernels are asked for.
 Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, const SwitchedOff& off, MatrixUnit unit) {
-  const bool cpu = unit == MatrixUnit::avx512bf16 || (unit == MatrixUnit::emulated && name == "cpu");
+  const bool cpu = is_of_processor(unit) || (unit == MatrixUnit::emulated && name == "cpu");
   if (name == (cpu ? "gpu" : "cpu"))
     fail(Status::usage, "mixed precision by {} and the {} kernels were asked for, and these do not use it",
          name_of(unit), name);

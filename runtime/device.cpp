@@ -18,6 +18,7 @@
 #include "runtime/system/environment.h"
 #include "runtime/system/environment_check.h"
 #include "runtime/system/system.h"
+#include "runtime/system/system_processor.h"
 
 namespace vsplat {
 
@@ -104,14 +105,6 @@ std::optional<PciAddress> pci_of(const cl::Device& device, const std::string& ex
   return std::nullopt;
 }
 
-bool has_avx512bf16() {
-#ifdef __x86_64__
-  return __builtin_cpu_supports("avx512bf16");
-#else
-  return false;
-#endif
-}
-
 DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   DeviceInfo d;
   d.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
@@ -145,7 +138,10 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   for (const auto& [extension, of] : units)
     if (extensions.find(extension) != std::string::npos) d.matrix_units = of;
   // A CPU device computes in this process: its instructions are the processor's.
-  if (d.type == DeviceType::cpu && has_avx512bf16()) d.matrix_units = {MatrixUnit::avx512bf16};
+  if (d.type == DeviceType::cpu && has_avx512bf16()) {
+    d.matrix_units = {MatrixUnit::avx512bf16};
+    if (may_use_amx()) d.matrix_units.insert(d.matrix_units.begin(), MatrixUnit::amx);
+  }
   if (extensions.find(" cl_khr_device_uuid ") != std::string::npos)
     d.uuid = info_of<std::array<std::uint8_t, 16>>(device, kUuid);
   d.pci = pci_of(device, extensions);

@@ -102,6 +102,18 @@ void gemm_rows(Context& ctx, const Gemm& g, const Sizes& s, long block) {
              written_rows(g, s), s.out_row0);
 }
 
+// The register tile that multiplies a product in the cpu flavour.
+struct CpuTile {
+  const char *file, *pack, *kernel;
+  long rows;
+  long step;  // a row of packed A has a multiple of so many words
+};
+
+CpuTile cpu_tile(const Context& ctx, bool pairs) {
+  if (pairs && multiplies_by_amx(ctx)) return {"gemm_amx_cpu", "gemm_amx_pack_a", "gemm_amx_tile", kAmxRows, 16};
+  return {"gemm_cpu", "gemm_pack_a", "gemm_tile", kTileRows, 1};
+}
+
 // The part of A that is packed at a time fits into a CPU's last-level cache and bounds scratch memory; the part of it
 // that a work-item multiplies with each panel of B fits into the second-level cache.
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
@@ -109,26 +121,32 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
   const bool loops = *tile_defines(ctx.device()) != '\0', pairs = g.b->pairs;
   const std::string defines = pairs ? pair_defines(ctx) : tile_defines(ctx.device());
-  const long k = pairs ? div_up(s.k, 2L) : s.k;  // words of a row
+  const long k = pairs ? div_up(s.k, 2L) : s.k;  // words of a row of B
+  const CpuTile tile = cpu_tile(ctx, pairs);
+  const bool amx = tile.rows == kAmxRows;
+  const long row = round_up(k, tile.step), panel = row * tile.rows;
   // One panel for each work-item if the tile is computed in loops: llvmpipe ends all loops of a work-item after 65535
   // iterations in all.
-  const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, k * kTileRows), 1L, kMostPanels);
+  const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, panel), 1L, kMostPanels);
   if (!loops && !pairs && wants_rows(g, s)) return gemm_rows(ctx, g, s, block);
-  const long panels = div_up(s.m, kTileRows);
-  const long step = std::clamp(tuned.at("scratch") / std::max(1L, k * kTileRows), 1L, std::max(1L, panels));
-  const Tensor scratch = ctx.tensor({step, k, kTileRows}, pairs ? Type::u32 : Type::f32, "packed rows");
-  const bool straddles = pairs && (s.taps > 1 ? s.c0 % 2 + s.c1 % 2 > 0 : s.c1 > 0 && s.c0 % 2 > 0);
+  const long panels = div_up(s.m, tile.rows);
+  const long step = std::clamp(tuned.at("scratch") / std::max(1L, panel), 1L, std::max(1L, panels));
+  const Tensor scratch = ctx.tensor({step, row, tile.rows}, pairs ? Type::u32 : Type::f32, "packed rows");
+  const bool straddles = pairs && !amx && (s.taps > 1 ? s.c0 % 2 + s.c1 % 2 > 0 : s.c1 > 0 && s.c0 % 2 > 0);
   for (long p = 0; p < panels; p += step) {
-    const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
-    const long count = div_up(rows, kTileRows);
+    const long rows = std::min(s.m - p * tile.rows, step * tile.rows);
+    const long count = div_up(rows, tile.rows);
     const double read = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
-    ctx.launch({"gemm_cpu", "gemm_pack_a", straddles ? defines + " -DSTRADDLES" : defines},
-               groups(straddles ? 1 : s.taps, 1, count), {0, pairs ? 1.5 * read : 2 * read}, g.a.x0, s.c0, g.a.x1, s.c1,
-               g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0 + p * kTileRows, rows,
-               written(scratch, count * k * kTileRows));
-    ctx.launch({"gemm_cpu", "gemm_tile", defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(count, block)),
+    ctx.launch({tile.file, tile.pack, straddles ? defines + " -DSTRADDLES" : defines},
+               groups(amx         ? kAmxPackItems
+                      : straddles ? 1
+                                  : s.taps,
+                      1, count),
+               {0, pairs ? 1.5 * read : 2 * read}, g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0,
+               g.a.map, s.taps, s.src_rows, s.row0 + p * tile.rows, rows, written(scratch, count * panel));
+    ctx.launch({tile.file, tile.kernel, defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(count, block)),
                cost_of(g, s, rows), scratch, g.b->data, block, rows, s.n, k, g.bias, static_cast<int>(g.activation),
-               g.residual, written(g.out, (s.out_row0 + p * kTileRows) * s.n, rows * s.n), s.out_row0 + p * kTileRows);
+               g.residual, written(g.out, (s.out_row0 + p * tile.rows) * s.n, rows * s.n), s.out_row0 + p * tile.rows);
   }
 }
 
@@ -275,18 +293,22 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
   const long most = std::min(s.rows, tuned.at("terms"));
   const long block = *tile_defines(ctx.device()) ? 1 : tuned.at("block");  // see gemm_cpu()
   check_tile_terms(ctx.device(), g.name, most);
-  const long panels = div_up(s.m, kTileRows);
   const bool pairs = wants_pairs(ctx, s.rows, std::min(s.m, s.n));
   const std::string defines = pairs ? pair_defines(ctx) : tile_defines(ctx.device());
   const Type type = pairs ? Type::u32 : Type::f32;
   const auto words = [&](long terms) { return pairs ? div_up(terms, 2L) : terms; };
-  const Tensor a = ctx.tensor({panels, words(most), kTileRows}, type, "packed rows");
+  const CpuTile tile = cpu_tile(ctx, pairs);
+  const long panels = div_up(s.m, tile.rows);
+  const Tensor a = ctx.tensor({panels, round_up(words(most), tile.step), tile.rows}, type, "packed rows");
   const Tensor b = ctx.tensor({div_up(s.n, kTileCols), words(most), kTileCols}, type, "packed rows");
   for (long row = 0; row < s.rows; row += most) {
     const long terms = std::min(most, s.rows - row);
-    pack_panels(ctx, {g.a, 0, row, terms, s.m, s.m, 1}, kTileRows, pairs, a);
+    if (tile.rows == kAmxRows)
+      pack_columns_for_amx(ctx, g.a, row, terms, s.m, a);
+    else
+      pack_panels(ctx, {g.a, 0, row, terms, s.m, s.m, 1}, kTileRows, pairs, a);
     pack_panels(ctx, {g.b, 0, row, terms, s.n, s.n, 1}, kTileCols, pairs, b);
-    ctx.launch({"gemm_cpu", "gemm_tile", defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(panels, block)),
+    ctx.launch({tile.file, tile.kernel, defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(panels, block)),
                cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, block, s.m, s.n, words(terms), Tensor(),
                static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
   }

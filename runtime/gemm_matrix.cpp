@@ -46,7 +46,7 @@ struct Chosen {
 };
 
 Chosen choose(Context& ctx, const MatrixProducts& p) {
-  if (ctx.matrix_unit() == MatrixUnit::avx512bf16) fail(Status::internal, "{}: pairs have no fragments", p.name);
+  if (is_of_processor(ctx.matrix_unit())) fail(Status::internal, "{}: pairs have no fragments", p.name);
   const UnitKernel& of = kKernels.at(static_cast<std::size_t>(ctx.matrix_unit()));
   if (p.operands == Operands::tf32 && !of.tf32)
     fail(Status::internal, "{}: {} multiplies no tf32", p.name, name_of(of.unit));

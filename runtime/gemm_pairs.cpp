@@ -22,7 +22,16 @@ bool wants_pairs(const Context& ctx, long k, long n) {
 }
 
 std::string pair_defines(const Context& ctx) {
-  return ctx.matrix_unit() == MatrixUnit::avx512bf16 ? "-DPAIRS -DMATRIX_AVX512BF16" : "-DPAIRS";
+  return is_of_processor(ctx.matrix_unit()) ? "-DPAIRS -DMATRIX_AVX512BF16" : "-DPAIRS";
+}
+
+bool multiplies_by_amx(const Context& ctx) { return ctx.matrix_unit() == MatrixUnit::amx; }
+
+void pack_columns_for_amx(Context& ctx, const Tensor& w, long first, long rows, long m, const Tensor& out) {
+  const long blocks = div_up(rows, 32L), panels = div_up(m, kAmxRows);
+  ctx.launch({"gemm_amx_cpu", "gemm_amx_pack_columns", pair_defines(ctx)}, groups(blocks, 1, 2 * panels),
+             {0, 6.0 * static_cast<double>(rows * m)}, w, first, rows, m,
+             written(out, panels * kAmxRows * blocks * 16));
 }
 
 PackedMatrix pack_pairs(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,

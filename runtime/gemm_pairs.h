@@ -24,6 +24,15 @@ bool wants_pairs(const Context& ctx, long k, long n);
 // arguments.
 std::string pair_defines(const Context& ctx);
 
+// Whether AMX multiplies the context's pairs (cl/dense/amx.clh): its tiles are of other shapes, so their kernels are
+// others, too, but for what is packed once.
+bool multiplies_by_amx(const Context& ctx);
+constexpr long kAmxRows = 32,
+               kAmxPackItems = 4;  // of cl/dense/gemm_amx_cpu.cl: a tile's rows; work-items that pack them
+
+// Packs rows [first, first + rows) of w [.., m] as the columns of the first operand of gemm_amx_tile.
+void pack_columns_for_amx(Context& ctx, const Tensor& w, long first, long rows, long m, const Tensor& out);
+
 // pack_matrix() to pairs, whatever the context's precision and the sizes are.
 PackedMatrix pack_pairs(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
                         const std::string& what);

@@ -73,18 +73,21 @@ kernel void attention_backward_pack(global const float* qkv, global const float*
   }
 }
 
-// Loads a [D in terms, ROWS] for ROWS tokens from t0 on, from `across` of their head. Tokens beyond T repeat the last
+// Loads a (TOKEN_AT) for ROWS tokens from t0 on, from `across` of their head. Tokens beyond T repeat the last
 // one; their results are not stored.
 static inline void load_rows(global const Term* across, int t0, int T, int D, Term* a) {
   for (int i = 0; i < ROWS; ++i) {
     const int t = min(t0 + i, T - 1);
     global const Term* from = across + (size_t)(t / KEYS) * TERMS_OF(D) * KEYS + t % KEYS;
-    for (int d = 0; d < TERMS_OF(D); ++d) a[d * ROWS + i] = from[d * KEYS];
+    for (int d = 0; d < TERMS_OF(D); ++d) a[TOKEN_AT(d, i)] = from[d * KEYS];
   }
 }
 
-// to [ROWS, STEP], columns column .. column + 31: a^T b, for a [D, ROWS] and a panel b [D, KEYS], D in terms.
+// to [ROWS, STEP], columns column .. column + 31: a^T b, for a (TOKEN_AT) and a panel b [D, KEYS], D in terms.
 static inline void tile_product(const Term* a, global const Term* b, int D, float* to, int column) {
+#ifdef MATRIX_AMX
+  amx_product(a, b, to, column);
+#else
   EACH_ROW(TILE_ZERO)
   for (int d = 0; d < TERMS_OF(D); ++d) {
     const Term16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
@@ -96,11 +99,15 @@ static inline void tile_product(const Term* a, global const Term* b, int D, floa
   vstore16(lo##i, 0, to + (i)*STEP + column); \
   vstore16(hi##i, 0, to + (i)*STEP + column + 16);
   EACH_ROW(TILE_PUT)
+#endif
 }
 
 // o [ROWS, HEAD_PAD] += w b, for the first `count` columns of w [ROWS, STEP], and b [count, HEAD_PAD]; columns in
 // terms.
 static inline void tile_add(const Term* w, global const Term* b, int count, float* o) {
+#ifdef MATRIX_AMX
+  amx_add(w, b, count, o);
+#else
   for (int column = 0; column < HEAD_PAD; column += 32) {
 #define TILE_TAKE(i) \
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column), hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16);
@@ -113,6 +120,7 @@ static inline void tile_add(const Term* w, global const Term* b, int count, floa
     }
     EACH_ROW(TILE_KEEP)
   }
+#endif
 }
 
 // dq. Work-items (ROWS queries, v H + h).
@@ -131,6 +139,11 @@ kernel void attention_backward_by_query(global const Term* across, global const 
   load_rows(across + 3 * wide, t0, T, D, g);
   for (int i = 0; i < ROWS * HEAD_PAD; ++i) o[i] = 0.0f;
   const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#ifdef MATRIX_AMX
+  AmxShapes shapes;
+  amx_full_shapes(&shapes);
+  AMX_BEGIN(&shapes)
+#endif
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     for (int n = 0; n < here; ++n) {
@@ -151,6 +164,9 @@ kernel void attention_backward_by_query(global const Term* across, global const 
     }
     tile_add(w, along + high + n0 * rows, here * KEYS, o);
   }
+#ifdef MATRIX_AMX
+  AMX_END
+#endif
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
     global float* to = dqkv + ((size_t)(v * T + t0 + i) * 3 * H + h) * D;
     for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * scale;
@@ -173,6 +189,11 @@ kernel void attention_backward_by_key(global const Term* across, global const Te
   load_rows(across + wide, t0, T, D, k);
   load_rows(across + 2 * wide, t0, T, D, values);
   for (int i = 0; i < ROWS * HEAD_PAD; ++i) ok[i] = ov[i] = 0.0f;
+#ifdef MATRIX_AMX
+  AmxShapes shapes;
+  amx_full_shapes(&shapes);
+  AMX_BEGIN(&shapes)
+#endif
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     for (int n = 0; n < here; ++n) {
@@ -193,6 +214,9 @@ kernel void attention_backward_by_key(global const Term* across, global const Te
     tile_add(wk, along + n0 * rows, here * KEYS, ok);
     tile_add(wv, along + 2 * high + n0 * rows, here * KEYS, ov);
   }
+#ifdef MATRIX_AMX
+  AMX_END
+#endif
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
     global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;
     global float* dv = dk + (size_t)H * D;

@@ -85,6 +85,21 @@ typedef struct {
 // Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS], D in terms: written to p [ROWS, STEP] from
 // `column` on. If `beyond` > 0, the last `beyond` keys of the panel do not exist and have score -infinity. high [ROWS]:
 // the largest scores, lane by lane, updated.
+#ifdef MATRIX_AMX
+static inline void tile_scores(const Term* q, global const Term* b, int D, int beyond, int column, float* p,
+                               float16* high) {
+  amx_product(q, b, p, column);
+  const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  for (int i = 0; i < ROWS; ++i)
+    for (int half_way = 0; half_way < KEYS; half_way += 16) {
+      float* at = p + i * STEP + column + half_way;
+      const int16 gone = lane + (float)half_way >= (float)(KEYS - beyond);
+      const float16 scores = select(vload16(0, at), (float16)(-INFINITY), gone);
+      if (beyond > 0) vstore16(scores, 0, at);
+      high[i] = max(high[i], scores);
+    }
+}
+#else
 static inline void tile_scores(const Term* q, global const Term* b, int D, int beyond, int column, float* p,
                                float16* high) {
   EACH_ROW(TILE_ZERO)
@@ -101,6 +116,7 @@ static inline void tile_scores(const Term* q, global const Term* b, int D, int b
   }
   EACH_ROW(TILE_SCORE)
 }
+#endif
 
 // Turns the first `count` scores of each row of p [ROWS, STEP] into weights w [ROWS, STEP in terms].
 static inline void softmax_step(Softmax* state, const float16* high, int count, const float* p, Term* w) {
@@ -126,6 +142,12 @@ static inline void softmax_step(Softmax* state, const float16* high, int count, 
 // o [ROWS, HEAD_PAD] = decay o + w values, for the first `count` columns of w [ROWS, STEP], and values [count,
 // HEAD_PAD]; columns in terms.
 static inline void add_values(const Term* w, global const Term* values, int count, const float* decay, float* o) {
+#ifdef MATRIX_AMX
+  for (int i = 0; i < ROWS; ++i)
+    for (int d = 0; d < HEAD_PAD; d += 16)
+      vstore16(vload16(0, o + i * HEAD_PAD + d) * decay[i], 0, o + i * HEAD_PAD + d);
+  amx_add(w, values, count, o);
+#else
   for (int column = 0; column < HEAD_PAD; column += 32) {
     EACH_ROW(TILE_OUT_LOAD)
     for (int j = 0; j < TERMS_OF(count); ++j) {
@@ -137,6 +159,7 @@ static inline void add_values(const Term* w, global const Term* values, int coun
     }
     EACH_ROW(TILE_KEEP)
   }
+#endif
 }
 
 kernel void attention_forward_cpu(global const float* qkv, global const Term* kt, global const Term* vp,
@@ -156,15 +179,20 @@ kernel void attention_forward_cpu(global const float* qkv, global const Term* kt
     global const float* from = qkv + ((size_t)(v * T + min(t0 + i, T - 1)) * 3 * H + h) * D;
 #ifdef PAIRS
     for (int d = 0; d < D; d += 2)
-      q[d / 2 * ROWS + i] =
+      q[TOKEN_AT(d / 2, i)] =
           pair_of(from[d] * (scale * LOG2E), d + 1 < D ? from[min(d + 1, D - 1)] * (scale * LOG2E) : 0.0f);
 #else
-    for (int d = 0; d < D; ++d) q[d * ROWS + i] = from[d] * (scale * LOG2E);
+    for (int d = 0; d < D; ++d) q[TOKEN_AT(d, i)] = from[d] * (scale * LOG2E);
 #endif
     for (int d = 0; d < HEAD_PAD; d += 16) vstore16((float16)(0.0f), 0, o + i * HEAD_PAD + d);
     state.total[i] = (float16)(0.0f);
     state.largest[i] = -INFINITY;
   }
+#ifdef MATRIX_AMX
+  AmxShapes shapes;
+  amx_full_shapes(&shapes);
+  AMX_BEGIN(&shapes)
+#endif
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     const size_t first = (size_t)vh * panels + n0;
@@ -175,6 +203,9 @@ kernel void attention_forward_cpu(global const float* qkv, global const Term* kt
     softmax_step(&state, high, here * KEYS, p, w);
     add_values(w, vp + first * TERMS_OF(KEYS) * HEAD_PAD, here * KEYS, state.decay, o);
   }
+#ifdef MATRIX_AMX
+  AMX_END
+#endif
   for (int i = 0; i < rows; ++i) {
     global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
     const float inverse = 1.0f / sum_of(state.total[i]);

@@ -13,6 +13,9 @@
 #endif
 #define TILE_STRIDE BLOCK
 #include "conv3d.clh"
+#ifdef MATRIX_AMX
+#include "amx.clh"
+#endif
 #include "term_tile_cpu.clh"
 #include "winograd.clh"
 
@@ -192,6 +195,49 @@ kernel void winograd_forward_pack(global const float* x0, int c0, global const f
 
 #define WINOGRAD_TILES 4
 
+#ifdef MATRIX_AMX
+// The registers: 0 .. 3 are the sums of two parts, each [12, 32]; 4 and 6 hold the operands of the planes dz = 0 and 1
+// of 16 channels, which lie behind each other in v's rows and in u, and 5 and 7 those of dz = 2.
+static inline void amx_winograd_shapes(AmxShapes* shapes) {
+  amx_full_shapes(shapes);
+  for (int t = 0; t < 6; ++t) amx_shape(shapes, t, TILE_ROWS, t == 5 ? BLOCK : 16);
+  amx_shape(shapes, 7, BLOCK, 16);
+}
+
+#define AMX_PLANES(lo, a)             \
+  AMX_LOAD(4, (a), BLOCK)             \
+  AMX_MULTIPLY(lo, 4, 6)              \
+  AMX_LOAD(5, (a) + 2 * BLOCK, BLOCK) \
+  AMX_MULTIPLY(lo, 5, 7)
+#define AMX_PLANES_OF_U(b)    \
+  AMX_LOAD(6, (b), TILE_COLS) \
+  AMX_LOAD(7, (b) + 2 * BLOCK * TILE_COLS, TILE_COLS)
+
+// The products of one coefficient, for one or two parts of tiles: two of a [C/16, 14, 8] of pairs, `next` words apart,
+// with b [C/16, 3, 8, 32], where C is a multiple of 16. Written: t [12, 32], and that of the second part 36 further on.
+static inline void amx_winograd(global const Term* a, size_t next, global const Term* b, int C, int both, float* t) {
+  AMX_ZERO_32
+  for (int c = 0; c < C; c += 16, a += PACK_ROWS * BLOCK, b += 3 * BLOCK * TILE_COLS) {
+    AMX_PLANES_OF_U(b)
+    AMX_PLANES(0, a)
+    if (both) {
+      AMX_PLANES(2, a + next)
+    }
+    AMX_PLANES_OF_U(b + 16)
+    AMX_PLANES(1, a)
+    if (both) {
+      AMX_PLANES(3, a + next)
+    }
+  }
+  AMX_STORE(0, t, TILE_COLS)
+  AMX_STORE(1, t + 16, TILE_COLS)
+  if (!both) return;
+  t += 36 * TILE_ROWS * TILE_COLS;
+  AMX_STORE(2, t, TILE_COLS)
+  AMX_STORE(3, t + 16, TILE_COLS)
+}
+#endif
+
 // Computes some parts of tiles: 12 outputs along z of a tile's 4 x 4 columns, times 32 channels. It goes coefficient by
 // coefficient: u's numbers of one stay in the first-level cache for all parts, whereas a panel of u would not fit.
 // ```
@@ -214,6 +260,17 @@ kernel void winograd_forward_tile(global const Term* v, global const Term* u, in
   const size_t coefficient = (size_t)DIV_UP(C, 16) * PACK_ROWS * BLOCK;
   // for each tile: coefficient, z, half of the channels
   float16 products[WINOGRAD_TILES * 36 * 2 * TILE_ROWS];
+#ifdef MATRIX_AMX
+  AmxShapes shapes;
+  amx_winograd_shapes(&shapes);
+  AMX_BEGIN(&shapes)
+  for (int i = 0; i < 36; ++i)
+    for (int p = 0; p < here; p += 2)
+      amx_winograd(v + ((size_t)(first + p) * 36 + i) * coefficient, 36 * coefficient,
+                   u + ((size_t)n0 * 36 + (size_t)i * TILE_COLS) * TERMS_OF(C) * 3, C, p + 1 < here,
+                   (float*)(products + (p * 36 + i) * 2 * TILE_ROWS));
+  AMX_END
+#else
   for (int i = 0; i < 36; ++i) {
     for (int p = 0; p < here; ++p) {
       global const Term* pa = v + ((size_t)(first + p) * 36 + i) * coefficient;
@@ -233,6 +290,7 @@ kernel void winograd_forward_tile(global const Term* v, global const Term* u, in
       TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)
     }
   }
+#endif
   for (int p = 0; p < here; ++p) {
     float16* m = products + p * 36 * 2 * TILE_ROWS;
     const int tile = tile0 + (first + p) / ZT, z0 = TILE_ROWS * ((first + p) % ZT);

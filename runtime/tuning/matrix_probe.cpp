@@ -88,8 +88,6 @@ std::string wrong_with(Context& ctx, const ProbeSizes& s, bool whole) {
   return "";
 }
 
-bool is_of_cpu(MatrixUnit unit) { return unit == MatrixUnit::avx512bf16; }
-
 std::string subject_of(MatrixUnit unit) { return fmt::format("matrix units 1 {}", name_of(unit)); }
 
 // The stored result: empty text if the unit is right.
@@ -125,7 +123,7 @@ std::string tried(const DeviceInfo& device, MatrixUnit unit) {
   try {
     ContextOptions options;
     options.device = std::to_string(device.index);
-    options.kernels = is_of_cpu(unit) ? "cpu" : "gpu", options.matrix_unit = unit;
+    options.kernels = is_of_processor(unit) ? "cpu" : "gpu", options.matrix_unit = unit;
     Context ctx(options);
     wrong = wrong_with_matrix_unit(ctx);
   } catch (const Error& e) {
@@ -140,11 +138,14 @@ std::string tried(const DeviceInfo& device, MatrixUnit unit) {
 // Instructions that the processor lacks would end the process.
 void refuse_absent(const DeviceInfo& device, MatrixUnit unit) {
   const auto& has = device.matrix_units;
-  if (unit != MatrixUnit::avx512bf16 || std::find(has.begin(), has.end(), unit) != has.end()) return;
-  const bool cpu = device.type == DeviceType::cpu;
+  if (!is_of_processor(unit) || std::find(has.begin(), has.end(), unit) != has.end()) return;
+  if (device.type != DeviceType::cpu)
+    fail(Status::device, "VSPLAT_MATRIX={}: {} is no CPU device, and the instructions are a processor's", name_of(unit),
+         device.name);
   fail(Status::device, "VSPLAT_MATRIX={}: {}", name_of(unit),
-       cpu ? "this processor has no avx512_bf16 instructions (vdpbf16ps)"
-           : fmt::format("{} is no CPU device, and the instructions are a processor's", device.name));
+       unit == MatrixUnit::avx512bf16 ? "this processor has no avx512_bf16 instructions (vdpbf16ps)"
+                                      : "this processor has no amx_bf16 instructions (tdpbf16ps), or the system does "
+                                        "not let programs use them (Linux does from 5.16 on)");
 }
 
 std::vector<MatrixUnit> units_to_try(const DeviceInfo& device) {
@@ -175,6 +176,7 @@ std::string wrong_with_matrix_unit(Context& ctx) {
                               {31, 101, 67},
                               {65, 63, 129},
                               {64, 64, 64},
+                              {33, 65, 1031},
                               {wide, 131, 35},
                               {wide, 132, 36}})
     for (const bool whole : {true, false})
@@ -184,7 +186,8 @@ std::string wrong_with_matrix_unit(Context& ctx) {
 
 MatrixUnit choose_matrix_unit(const DeviceInfo& device, const std::string& kernels, const SwitchedOff& off) {
   for (const MatrixUnit unit : units_to_try(device)) {
-    if (kernels == (is_of_cpu(unit) ? "gpu" : "cpu") || (is_of_cpu(unit) && (off.cpu || off.vectors))) continue;
+    if (kernels == (is_of_processor(unit) ? "gpu" : "cpu") || (is_of_processor(unit) && (off.cpu || off.vectors)))
+      continue;
     std::optional<std::string> wrong = remembered(device, unit);
     if (!wrong) wrong = tried(device, unit);
     if (wrong->empty()) return unit;
@@ -193,7 +196,8 @@ MatrixUnit choose_matrix_unit(const DeviceInfo& device, const std::string& kerne
   if (kernels == "cpu" && environment("VSPLAT_MATRIX").empty())
     fail(Status::usage,
          "mixed precision and the cpu kernels were asked for, and these multiply in mixed precision by a processor's "
-         "avx512_bf16 instructions, which {} does not have or which have not passed their test there: ask for the gpu "
+         "avx512_bf16 or amx_bf16 instructions, which {} does not have or which have not passed their test there: ask "
+         "for the gpu "
          "kernels, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
          device.name, Option::kernels);
   return MatrixUnit::emulated;

@@ -2,7 +2,7 @@
 // their kernel is compiled, and its products are compared with sums in double at odd sizes. The result is stored by
 // device, driver and kernels, like a self-test's verdict (stored_finding.h); VSPLAT_SELFTEST=ignore ignores it, too.
 // VSPLAT_MATRIX lists the units to try, separated by commas, instead of those that the device announces; `emulated`
-// tries none. A processor's instructions (avx512bf16) are never tried where it lacks them: there, their name is an
+// tries none. A processor's instructions (avx512bf16, amx) are never tried where it lacks them: there, their name is an
 // error.
 #pragma once
 #include <string>

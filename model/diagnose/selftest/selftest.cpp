@@ -68,8 +68,8 @@ class Runner {
     // The processor's instructions for pairs, if it has them; matrix units of GPUs have a trial of their own
     // (runtime/tuning/matrix_probe.h).
     const std::vector<MatrixUnit> units = choose_device(device_).matrix_units;
-    if (flavour == Flavour::cpu && !off.mixed && std::count(units.begin(), units.end(), MatrixUnit::avx512bf16) > 0)
-      out.matrix_unit = MatrixUnit::avx512bf16;
+    const auto best = std::find_if(units.begin(), units.end(), is_of_processor);
+    if (flavour == Flavour::cpu && !off.mixed && best != units.end()) out.matrix_unit = *best;
     out.on_compile = [this](const std::string& kernel, int compiled) {
       journal_.compiles(kernel);
       if (options_.on_compile) options_.on_compile(kernel, compiled);

@@ -23,13 +23,18 @@ struct Sizes {
   float scale() const { return static_cast<float>(1.0 / std::sqrt(static_cast<double>(c))); }
   // Queries or keys that a work-item of the cpu flavour owns. A tile of 12 rows is 24 vectors of 16: registers on a CPU
   // with vectors, minutes in a compiler that has none.
-  static long rows(const Context& ctx, const TunedValues& tuned) {
+  long rows(const Context& ctx, const TunedValues& tuned) const {
+    if (by_amx(ctx)) return 16;
     if (ctx.device().native_float_width < 4) return 2;
     return tuned.at("rows") > 0 ? tuned.at("rows") : 12;
   }
+  bool pairs(const Context& ctx) const { return wants_pairs(ctx, c, t); }
+  bool by_amx(const Context& ctx) const { return pairs(ctx) && multiplies_by_amx(ctx) && c % 32 == 0; }
   // Defines of the cpu flavour's kernels.
   std::string defines(const Context& ctx, const TunedValues& tuned) const {
     std::string out = fmt::format("-DHEAD_PAD={} -DROWS={}", round_up(c, 32L), rows(ctx, tuned));
+    if (pairs(ctx)) out += " " + pair_defines(ctx);
+    if (by_amx(ctx)) out += " -DMATRIX_AMX";
     if (tuned.at("panels") != default_values(*tuned.of).at("panels"))
       out += fmt::format(" -DPANELS={}", tuned.at("panels"));
     return out;
@@ -58,9 +63,9 @@ GpuGroup gpu_group(Context& ctx, const char* file, const char* kernel, long chan
 void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
   const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), heads = s.v * s.h;
   const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_backward));
-  const long v = s.v, t = s.t, h = s.h, c = s.c, rows = Sizes::rows(ctx, tuned);
-  const bool pairs = wants_pairs(ctx, s.c, s.t);
-  const std::string defines = s.defines(ctx, tuned) + (pairs ? " " + pair_defines(ctx) : "");
+  const long v = s.v, t = s.t, h = s.h, c = s.c, rows = s.rows(ctx, tuned);
+  const bool pairs = s.pairs(ctx);
+  const std::string defines = s.defines(ctx, tuned);
   const long share = pairs ? 2 : 1;  // numbers of a word
   const Type type = pairs ? Type::u32 : Type::f32;
   const Tensor across = ctx.tensor({4, heads, panels, div_up(s.c, share), 32}, type, "attention.across");
@@ -115,9 +120,9 @@ void attention_forward(Context& ctx, const AttentionForward& a) {
     return;
   }
   const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_forward));
-  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), rows = Sizes::rows(ctx, tuned);
-  const bool pairs = wants_pairs(ctx, s.c, s.t);
-  const std::string defines = s.defines(ctx, tuned) + (pairs ? " " + pair_defines(ctx) : "");
+  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), rows = s.rows(ctx, tuned);
+  const bool pairs = s.pairs(ctx);
+  const std::string defines = s.defines(ctx, tuned);
   const long share = pairs ? 2 : 1;  // numbers of a word
   const Type type = pairs ? Type::u32 : Type::f32;
   const Tensor kt = ctx.tensor({s.v * s.h, panels, div_up(s.c, share), 32}, type, "attention.keys");

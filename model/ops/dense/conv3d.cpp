@@ -216,7 +216,8 @@ double direct_flops(const Shape3d& s) {
 void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
   const bool pairs = c.weights->w.pairs;
-  const std::string defines = winograd_defines(ctx, pairs);
+  const bool amx = pairs && multiplies_by_amx(ctx) && s.c() % 16 == 0;
+  const std::string defines = winograd_defines(ctx, pairs) + (amx ? " -DMATRIX_AMX" : "");
   const long blocks = div_up(s.c(), 16L), words = pairs ? 8 : 16;  // of 16 channels
   const long per_tile = zt * kCoefficients * blocks * kPackRows * words;
   const long scratch = ctx.tuned(tuned_shape(TunedOp::conv3d_winograd, s)).at("scratch");

@@ -6,12 +6,11 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 
 #include "runtime/gemm_matrix.h"
-#include "runtime/kernel_files.h"
 #include "runtime/program.h"
 #include "tests/support/device.h"
+#include "tests/support/planted_kernels.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 #include "tests/support/variable.h"
@@ -20,6 +19,7 @@ namespace vsplat {
 namespace {
 
 namespace fs = std::filesystem;
+using test::plant;
 
 ContextOptions with_unit(MatrixUnit unit) {
   ContextOptions options;
@@ -38,18 +38,6 @@ TEST(MatrixProbe, EmulatedUnitsPass) {
     if (flavour == Flavour::cpu && ctx->device().native_float_width < 4) continue;
     EXPECT_EQ(wrong_with_matrix_unit(*ctx), "") << name_of(flavour);
   }
-}
-
-// The kernels with one text replaced, in a folder.
-bool plant(const fs::path& folder, const std::string& file, const std::string& right, const std::string& wrong) {
-  bool made = false;
-  for (const std::string& name : kernel_file_names()) {
-    std::string text = kernel_text(name);
-    if (const std::size_t at = text.find(right); name == file && at != std::string::npos)
-      text.replace(at, right.size(), wrong), made = true;
-    std::ofstream(folder / name) << text;
-  }
-  return made;
 }
 
 // Each is a mistake that a back end may make: a swapped row, a swapped term, coarse sums, a wrong operand.
@@ -92,13 +80,16 @@ TEST(MatrixProbe, FindsWrongPairs) {
 TEST(MatrixProbe, LeavesOutAWrongInstruction) {
   if (!has(MatrixUnit::avx512bf16)) GTEST_SKIP() << "no such instructions";
   const DeviceInfo device = test::context(Flavour::cpu).device();
-  const test::TemporaryFolder cache, folder;
+  const test::TemporaryFolder cache, folder, both;
   const test::Variable kept("VSPLAT_CACHE_DIR", cache.string().c_str()), selftest("VSPLAT_SELFTEST", "");
-  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::avx512bf16);
-  EXPECT_EQ(choose_matrix_unit(device, "cpu", {}), MatrixUnit::avx512bf16);
+  const MatrixUnit best = has(MatrixUnit::amx) ? MatrixUnit::amx : MatrixUnit::avx512bf16;
+  EXPECT_EQ(choose_matrix_unit(device, "auto", {}), best);
+  EXPECT_EQ(choose_matrix_unit(device, "cpu", {}), best);
   EXPECT_EQ(choose_matrix_unit(device, "gpu", {}), MatrixUnit::emulated);
   ASSERT_TRUE(plant(folder.path(), "pairs_cpu.clh", "vdpbf16ps %2, %1, %0", "vdpbf16ps %1, %1, %0"));
-  const test::Variable kernels("VSPLAT_KERNEL_DIR", folder.string().c_str());
+  const test::Variable one_wrong("VSPLAT_KERNEL_DIR", folder.string().c_str());
+  ASSERT_TRUE(plant(both.path(), "amx.clh", "AMX_MULTIPLY(3, 5, 7)", "AMX_MULTIPLY(3, 4, 7)"));
+  const test::Variable kernels("VSPLAT_KERNEL_DIR", both.string().c_str());
   EXPECT_EQ(choose_matrix_unit(device, "auto", {}), MatrixUnit::emulated);
   EXPECT_THROW(choose_matrix_unit(device, "cpu", {}), Error);
   ContextOptions options;

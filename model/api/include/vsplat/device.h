@@ -72,8 +72,8 @@ typedef struct vsplat_device_info {
   char switched_off[256];
   int32_t fitness;            /* stored verdict of its last self-test, a vsplat_fitness (vsplat/selftest.h); 0: none */
   vsplat_precision precision; /* of an open device */
-  /* Open device in mixed precision, what multiplies: "ptx", "dpas", "wmma", "mfma", "avx512bf16", "emulated". On one
-     device, equal values give equal bits. "" in fp32. */
+  /* Open device in mixed precision, what multiplies: "ptx", "dpas", "wmma", "mfma", "avx512bf16", "amx", "emulated". On
+     one device, equal values give equal bits. "" in fp32. */
   char matrix_unit[16];
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \

@@ -133,6 +133,9 @@ void conv3d_pairs_all(Checks& c) {
                {{5, 5, 4}, 34, 65}},
               {{{4, 1, 12}, 15, 33}, {{5, 9, 25}, 31, 6}, {{5, 9, 5}, 65, 67}, {{2, 3, 1100}, 2, 1}}))
     conv3d_of(c, t, ConvMethod::winograd, true);
+  // So many tiles that a work-item has several, the last one fewer.
+  const long some = 8L * std::min(c.ctx.device().compute_units, 16) + 1;
+  if (c.all) conv3d_of(c, {{some, 17, 5}, 16, 33}, ConvMethod::winograd, true);
   for (const long c1 : {5L, 16L}) {
     ConvTry all{{4, 3, 13}, 16, 20, c1};
     all.affine = all.silu = all.residual = true;
