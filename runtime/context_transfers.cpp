@@ -52,8 +52,14 @@ void Context::write(const Tensor& tensor, const void* data) {
 
 void Context::fill_zero(const Tensor& tensor) {
   if (impl_->planning || tensor.count() == 0) return;
-  impl_->transfer("fill", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
-    impl_->queue.enqueueFillBuffer(*tensor.block()->buffer(), cl_uchar{0}, 0, tensor.bytes(), nullptr, event);
+  const std::size_t bytes = tensor.bytes();
+  impl_->transfer("fill", static_cast<double>(bytes), [&](cl::Event* event) {
+    const cl::Buffer& buffer = *tensor.block()->buffer();
+    // PoCL stores one pattern after another.
+    if (bytes % sizeof(cl_ulong) == 0)
+      impl_->queue.enqueueFillBuffer(buffer, cl_ulong{0}, 0, bytes, nullptr, event);
+    else
+      impl_->queue.enqueueFillBuffer(buffer, cl_uchar{0}, 0, bytes, nullptr, event);
   });
 }
 

@@ -102,16 +102,34 @@ void gemm_rows(Context& ctx, const Gemm& g, const Sizes& s, long block) {
              written_rows(g, s), s.out_row0);
 }
 
-// The register tile that multiplies a product in the cpu flavour.
+// What multiplies a product in the cpu flavour.
 struct CpuTile {
-  const char *file, *pack, *kernel;
-  long rows;
-  long step;  // a row of packed A has a multiple of so many words
+  KernelId kernel;
+  long rows;   // of a panel of A
+  long block;  // a row of packed A has a multiple of so many words
 };
 
-CpuTile cpu_tile(const Context& ctx, bool pairs) {
-  if (pairs && multiplies_by_amx(ctx)) return {"gemm_amx_cpu", "gemm_amx_pack_a", "gemm_amx_tile", kAmxRows, 16};
-  return {"gemm_cpu", "gemm_pack_a", "gemm_tile", kTileRows, 1};
+CpuTile cpu_tile(Context& ctx, const char* name, bool pairs, bool by_rows) {
+  if (!pairs) return {{"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), name}, kTileRows, 1};
+  if (multiplies_by_amx(ctx)) return {{"gemm_amx_cpu", "gemm_amx_tile", pair_defines(ctx), name}, kAmxRows, kPairBlock};
+  if (!by_rows) return {{"gemm_cpu", "gemm_tile", pair_defines(ctx), name}, kTileRows, 1};
+  return {{"gemm_cpu", "gemm_tile", fmt::format("{} -DBLOCK={}", pair_defines(ctx), kPairBlock), name},
+          kTileRows,
+          kPairBlock};
+}
+
+// Packs rows [first, first + rows) of A to `out`.
+void pack_a(Context& ctx, const Gemm& g, const Sizes& s, const CpuTile& tile, long first, long rows,
+            const Tensor& out) {
+  const bool pairs = g.b->pairs;
+  const long panels = div_up(rows, tile.rows), row = round_up(pairs ? div_up(s.k, 2L) : s.k, tile.block);
+  const KernelId by_pairs{"gemm_pack_pairs_cpu", "gemm_pack_a_pairs",
+                          fmt::format("{} -DPANEL_ROWS={}", pair_defines(ctx), tile.rows)};
+  const double read = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
+  ctx.launch(pairs ? by_pairs : KernelId{"gemm_cpu", "gemm_pack_a", tile_defines(ctx.device())},
+             pairs ? groups(panels, 1) : groups(s.taps, 1, panels), {0, pairs ? 1.5 * read : 2 * read}, g.a.x0, s.c0,
+             g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0 + first, rows,
+             written(out, panels * row * tile.rows));
 }
 
 // The part of A that is packed at a time fits into a CPU's last-level cache and bounds scratch memory; the part of it
@@ -120,33 +138,22 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
   const bool loops = *tile_defines(ctx.device()) != '\0', pairs = g.b->pairs;
-  const std::string defines = pairs ? pair_defines(ctx) : tile_defines(ctx.device());
   const long k = pairs ? div_up(s.k, 2L) : s.k;  // words of a row of B
-  const CpuTile tile = cpu_tile(ctx, pairs);
-  const bool amx = tile.rows == kAmxRows;
-  const long row = round_up(k, tile.step), panel = row * tile.rows;
+  const CpuTile tile = cpu_tile(ctx, g.name, pairs, true);
+  const long row = round_up(k, tile.block), panel = std::max(1L, row * tile.rows);
   // One panel for each work-item if the tile is computed in loops: llvmpipe ends all loops of a work-item after 65535
   // iterations in all.
-  const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, panel), 1L, kMostPanels);
+  const long block = loops ? 1 : std::clamp(tuned.at("block") / panel, 1L, kMostPanels);
   if (!loops && !pairs && wants_rows(g, s)) return gemm_rows(ctx, g, s, block);
   const long panels = div_up(s.m, tile.rows);
-  const long step = std::clamp(tuned.at("scratch") / std::max(1L, panel), 1L, std::max(1L, panels));
+  const long step = std::clamp(tuned.at("scratch") / panel, 1L, std::max(1L, panels));
   const Tensor scratch = ctx.tensor({step, row, tile.rows}, pairs ? Type::u32 : Type::f32, "packed rows");
-  const bool straddles = pairs && !amx && (s.taps > 1 ? s.c0 % 2 + s.c1 % 2 > 0 : s.c1 > 0 && s.c0 % 2 > 0);
   for (long p = 0; p < panels; p += step) {
-    const long rows = std::min(s.m - p * tile.rows, step * tile.rows);
-    const long count = div_up(rows, tile.rows);
-    const double read = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
-    ctx.launch({tile.file, tile.pack, straddles ? defines + " -DSTRADDLES" : defines},
-               groups(amx         ? kAmxPackItems
-                      : straddles ? 1
-                                  : s.taps,
-                      1, count),
-               {0, pairs ? 1.5 * read : 2 * read}, g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0,
-               g.a.map, s.taps, s.src_rows, s.row0 + p * tile.rows, rows, written(scratch, count * panel));
-    ctx.launch({tile.file, tile.kernel, defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(count, block)),
+    const long first = p * tile.rows, rows = std::min(s.m - first, step * tile.rows);
+    pack_a(ctx, g, s, tile, first, rows, scratch);
+    ctx.launch(tile.kernel, groups(div_up(s.n, kTileCols), 1, div_up(div_up(rows, tile.rows), block)),
                cost_of(g, s, rows), scratch, g.b->data, block, rows, s.n, k, g.bias, static_cast<int>(g.activation),
-               g.residual, written(g.out, (s.out_row0 + p * tile.rows) * s.n, rows * s.n), s.out_row0 + p * tile.rows);
+               g.residual, written(g.out, (s.out_row0 + first) * s.n, rows * s.n), s.out_row0 + first);
   }
 }
 
@@ -294,12 +301,11 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
   const long block = *tile_defines(ctx.device()) ? 1 : tuned.at("block");  // see gemm_cpu()
   check_tile_terms(ctx.device(), g.name, most);
   const bool pairs = wants_pairs(ctx, s.rows, std::min(s.m, s.n));
-  const std::string defines = pairs ? pair_defines(ctx) : tile_defines(ctx.device());
   const Type type = pairs ? Type::u32 : Type::f32;
   const auto words = [&](long terms) { return pairs ? div_up(terms, 2L) : terms; };
-  const CpuTile tile = cpu_tile(ctx, pairs);
+  const CpuTile tile = cpu_tile(ctx, g.name, pairs, false);
   const long panels = div_up(s.m, tile.rows);
-  const Tensor a = ctx.tensor({panels, round_up(words(most), tile.step), tile.rows}, type, "packed rows");
+  const Tensor a = ctx.tensor({panels, round_up(words(most), tile.block), tile.rows}, type, "packed rows");
   const Tensor b = ctx.tensor({div_up(s.n, kTileCols), words(most), kTileCols}, type, "packed rows");
   for (long row = 0; row < s.rows; row += most) {
     const long terms = std::min(most, s.rows - row);
@@ -308,7 +314,7 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     else
       pack_panels(ctx, {g.a, 0, row, terms, s.m, s.m, 1}, kTileRows, pairs, a);
     pack_panels(ctx, {g.b, 0, row, terms, s.n, s.n, 1}, kTileCols, pairs, b);
-    ctx.launch({tile.file, tile.kernel, defines, g.name}, groups(div_up(s.n, kTileCols), 1, div_up(panels, block)),
+    ctx.launch(tile.kernel, groups(div_up(s.n, kTileCols), 1, div_up(panels, block)),
                cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, block, s.m, s.n, words(terms), Tensor(),
                static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
   }

@@ -69,7 +69,7 @@ struct Gemm {
   long row0 = 0, rows = -1;
   // First row of residual and out, if it differs from A's (a block of A in scratch memory). < 0: row0.
   long out_row0 = -1;
-  const char* name = "gemm";  // its row in the profile (packing A: "gemm_pack_a")
+  const char* name = "gemm";  // its row in the profile (packing A: "gemm_pack_a", "gemm_pack_a_pairs")
   bool exact = false;         // fp32 even in mixed precision: for measuring results; B is packed so
 };
 

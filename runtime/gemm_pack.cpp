@@ -8,9 +8,10 @@
 namespace vsplat {
 
 void pack_panels(Context& ctx, const StridedMatrix& m, long width, bool pairs, const Tensor& out) {
-  constexpr long rows = 64;  // ROWS of cl/dense/gemm_cpu.cl
   const long words = pairs ? div_up(m.k, 2L) : m.k;
-  ctx.launch({"gemm_cpu", "gemm_pack_panels", pairs ? pair_defines(ctx) : tile_defines(ctx.device())},
+  constexpr long rows = 64;  // ROWS of both files
+  ctx.launch(pairs ? KernelId{"gemm_pack_pairs_cpu", "gemm_pack_panels_pairs", pair_defines(ctx)}
+                   : KernelId{"gemm_cpu", "gemm_pack_panels", tile_defines(ctx.device())},
              groups(div_up(m.n, width), 1, div_up(words, rows)),
              {0, (pairs ? 6.0 : 8.0) * static_cast<double>(m.k * m.n)}, m.w, m.offset, m.first, m.k, m.n, m.k_stride,
              m.n_stride, width, written(out, div_up(m.n, width) * width * words));

@@ -27,8 +27,8 @@ std::string pair_defines(const Context& ctx);
 // Whether AMX multiplies the context's pairs (cl/dense/amx.clh): its tiles are of other shapes, so their kernels are
 // others, too, but for what is packed once.
 bool multiplies_by_amx(const Context& ctx);
-constexpr long kAmxRows = 32,
-               kAmxPackItems = 4;  // of cl/dense/gemm_amx_cpu.cl: a tile's rows; work-items that pack them
+constexpr long kAmxRows = 32;    // rows of a tile of cl/dense/gemm_amx_cpu.cl
+constexpr long kPairBlock = 16;  // pairs of a block of cl/dense/gemm_pack_pairs_cpu.cl
 
 // Packs rows [first, first + rows) of w [.., m] as the columns of the first operand of gemm_amx_tile.
 void pack_columns_for_amx(Context& ctx, const Tensor& w, long first, long rows, long m, const Tensor& out);

@@ -1,81 +1,22 @@
-// out = act(A B + bias) + residual, cpu flavour, in mixed precision by AMX (amx.clh). As in gemm_cpu.cl, A is packed
-// first and B once, in the same format; then each work-item computes tiles of 32 rows by 32 columns of out.
+// out = act(A B + bias) + residual, cpu flavour, in mixed precision by AMX (amx.clh). gemm_pack_pairs_cpu.cl packs A,
+// with PANEL_ROWS 32, and B; then each work-item computes tiles of 32 rows by 32 columns of out.
 // targets: x86:amx
 #ifndef PAIRS
 #define PAIRS
 #endif
-#define PACK_ROWS 12  // of pack_cpu.clh, which lends its transposition
 #include "amx.clh"
-#include "pack_cpu.clh"
+#include "term_tile_cpu.clh"
+#include "transpose_cpu.clh"
 
 #define PANEL_ROWS 32
 #define BLOCK 16  // pairs
-#define PACK_LINES 8
 
-// Where pair k of a panel's row is.
-static inline size_t packed_at(int row, int k) { return ((size_t)(k / BLOCK) * PANEL_ROWS + row) * BLOCK + k % BLOCK; }
-
-// Number k of a composed row; zero beyond its K = T (c0 + c1) numbers.
-static inline float composed_at(global const float* x0, int c0, global const float* x1, int c1,
-                                global const float* scale, global const float* shift, int silu_too,
-                                global const int* rows, int row, int T, int src_rows, int k) {
-  const int C = c0 + c1, t = k / C, c = k % C;
-  if (t >= T) return 0.0f;
-  const int r = rows ? rows[t] : row;
-  if (r < 0 || r >= src_rows) return 0.0f;
-  float v = c < c0 ? x0[(size_t)r * c0 + c] : x1[(size_t)r * c1 + c - c0];
-  if (scale) v = FMA(v, scale[c], shift[c]);
-  return silu_too ? silu(v) : v;
-}
-
-// A, composed (compose_rows.cl says how, and what the arguments are) and packed: 32 rows at a time, in blocks of 16
-// pairs of neighbouring terms, each a register's content.
+// Packs the columns of a matrix [K,M] as A, for the product of its transpose, by panels of 32 rows. Its element (k, m)
+// is w[(first + k) M + m].
 // ```
-// argument    type  shape                                  what
-// x0 .. row0                                               as in compose_rows.cl; T = 1 without a map
-// M           int                                          rows of A
-// panels      u32   [ceil(M/32),ceil(T(c0+c1)/32),32,16]   written: A; zero beyond M and beyond the last term
-// work-items  groups of one: (8 of a panel's rows, panel)
-// ```
-kernel void gemm_amx_pack_a(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
-                            global const float* shift, int silu_too, global const int* map, int T, int src_rows,
-                            int row0, int M, global uint* panels) {
-  const int C = c0 + c1, K = T * C, pairs = DIV_UP(K, 2 * BLOCK) * BLOCK;
-  global uint* to = panels + (size_t)GROUP_ID(1) * pairs * PANEL_ROWS;
-  for (int i = GROUP_ID(0) * PACK_LINES; i < (GROUP_ID(0) + 1) * PACK_LINES; ++i) {
-    const int m = GROUP_ID(1) * PANEL_ROWS + i;
-    global const int* rows = map && m < M ? map + (size_t)(row0 + m) * T : 0;
-    for (int k = 0; k < 2 * pairs; k += 16) {
-      const size_t at = packed_at(i, k / 2);
-      const int t = k / C, c = k % C, r = m >= M || t >= T ? -1 : rows ? rows[t] : row0 + m;
-      const int second = c >= c0;
-      const int width = second ? C - c : c0 - c;  // numbers to the end of the source
-      if (m >= M || k >= K) {
-        vstore8((uint8)(0u), 0, to + at);
-      } else if (width >= 16 || k + width == K) {
-        float16 v = (float16)(0.0f);
-        if (r >= 0 && r < src_rows) {
-          v = load_part(second ? x1 + (size_t)r * c1 + c - c0 : x0 + (size_t)r * c0 + c, width);
-          if (scale) v = FMA(v, load_part(scale + c, width), load_part(shift + c, width));
-          if (silu_too) v = silu_16(v);
-        }
-        vstore8(pairs_along(v), 0, to + at);
-      } else {
-        for (int j = 0; j < 16; j += 2)
-          to[at + j / 2] =
-              pair_of(composed_at(x0, c0, x1, c1, scale, shift, silu_too, rows, row0 + m, T, src_rows, k + j),
-                      composed_at(x0, c0, x1, c1, scale, shift, silu_too, rows, row0 + m, T, src_rows, k + j + 1));
-      }
-    }
-  }
-}
-
-// Packs the columns of a matrix [K, M] as A, for the product of its transpose. Its element (k, m) is
-// w[(first + k) M + m].
-// ```
-// argument    type  shape                           what
+// argument    type  shape                          what
 // w           f32   [..,M]
-// panels      u32   [ceil(M/32),ceil(K/32),32,16]   written: A; zero beyond M and beyond K
+// panels      u32   [ceil(M/32),ceil(K/32),32,16]  written: A; zero beyond M and beyond K
 // work-items  groups of one: (block of 32 rows of w, half of a panel)
 // ```
 kernel void gemm_amx_pack_columns(global const float* w, int first, int K, int M, global uint* panels) {
@@ -88,8 +29,8 @@ kernel void gemm_amx_pack_columns(global const float* w, int first, int K, int M
     r[i] = as_float16(pairs_of(one, other));
   }
   transpose_16(r);
-  global uint* to = panels + ((size_t)(m0 / PANEL_ROWS) * DIV_UP(K, 2 * BLOCK) + block) * PANEL_ROWS * BLOCK;
-  for (int i = 0; i < 16; ++i) vstore16(as_uint16(r[i]), 0, to + (m0 % PANEL_ROWS + i) * BLOCK);
+  global uint* to = panels + ((size_t)(m0 / 32) * DIV_UP(K, 2 * BLOCK) + block) * 32 * BLOCK;
+  for (int i = 0; i < 16; ++i) vstore16(as_uint16(r[i]), 0, to + (m0 % 32 + i) * BLOCK);
 }
 
 #define GEMM_PANELS 8
@@ -97,8 +38,8 @@ kernel void gemm_amx_pack_columns(global const float* w, int first, int K, int M
 
 // ```
 // argument    type  shape                        what
-// panels      u32   [ceil(M/32),ceil(K/16),32,16] A, from gemm_amx_pack_a or gemm_amx_pack_columns
-// b           u32   [ceil(N/32),K,32]             B, from gemm_pack_panels; columns beyond N are zero
+// panels      u32   [ceil(M/32),ceil(K/16),32,16] A, from gemm_pack_a_pairs or gemm_amx_pack_columns
+// b           u32   [ceil(N/32),K,32]             B, from gemm_pack_panels_pairs; columns beyond N are zero
 // K           int                                 pairs of terms
 // block       int                                 panels of A that a work-item goes through; at most GEMM_PANELS
 // bias .. row0                                    as in gemm_cpu.cl

@@ -1,46 +1,26 @@
 // out = act(A B + bias) + residual, cpu flavour. A is packed first (gemm_pack_a), B once (gemm_pack_panels, or on the
-// host); then each work-item of gemm_tile computes tiles of 12 rows by 32 columns of out. In mixed precision all are
-// built with PAIRS: what is packed are pairs of operands, two neighbouring terms of a sum (pairs_cpu.clh), zero beyond
-// the last term, u32 in place of f32.
+// host); then each work-item of gemm_tile computes tiles of 12 rows by 32 columns of out. In mixed precision
+// gemm_pack_pairs_cpu.cl packs both: words of two neighbouring terms of a sum (pairs_cpu.clh), for which gemm_tile is
+// built with PAIRS.
 #define PACK_ROWS 12
+#ifdef BLOCK
+#define TILE_STRIDE BLOCK
+#endif
 #include "pack_cpu.clh"
+#include "term_tile_cpu.clh"
 
+#ifndef PAIRS
 // A, composed (compose_rows.cl says how, and what the arguments are) and packed, twelve rows at a time.
 // ```
 // argument    type  shape                    what
 // x0 .. row0                                 as in compose_rows.cl; T = 1 without a map
 // M           int                            rows of A
-// panels      f32   [ceil(M/12),T,c0+c1,12]  written: A; rows beyond M are zero. PAIRS: u32
-//                                            [ceil(M/12),ceil(T(c0+c1)/2),12]
-// define STRADDLES                           with PAIRS: some pair has channels of two sources or taps
-// work-items  groups of one: (tap, panel); STRADDLES: (0, panel)
+// panels      f32   [ceil(M/12),T,c0+c1,12]  written: A; rows beyond M are zero
+// work-items  groups of one: (tap, panel)
 // ```
-#ifdef STRADDLES
-kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
-                        global const float* shift, int silu_too, global const int* map, int T, int src_rows, int row0,
-                        int M, global uint* panels) {
-  const int panel = GROUP_ID(1), C = c0 + c1, K = T * C;
-  global uint* to = panels + (size_t)panel * DIV_UP(K, 2) * PACK_ROWS;
-  for (int i = 0; i < PACK_ROWS; ++i) {
-    const int m = panel * PACK_ROWS + i;
-    for (int k = 0; k < DIV_UP(K, 2) * 2; k += 2) {
-      float v[2] = {0.0f, 0.0f};
-      for (int j = 0; j < 2 && k + j < K && m < M; ++j) {
-        const int t = (k + j) / C, c = (k + j) % C;
-        const int row = map ? map[(size_t)(row0 + m) * T + t] : row0 + m;
-        if (row < 0 || row >= src_rows) continue;
-        v[j] = c < c0 ? x0[(size_t)row * c0 + c] : x1[(size_t)row * c1 + c - c0];
-        if (scale) v[j] = FMA(v[j], scale[c], shift[c]);
-        if (silu_too) v[j] = silu(v[j]);
-      }
-      to[k / 2 * PACK_ROWS + i] = pair_of(v[0], v[1]);
-    }
-  }
-}
-#else
 kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
                         global const float* shift, int silu, global const int* map, int T, int src_rows, int row0,
-                        int M, global Term* panels) {
+                        int M, global float* panels) {
   const int t = GROUP_ID(0);
   const int panel = GROUP_ID(1);
   int row[PACK_ROWS];
@@ -50,10 +30,8 @@ kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, 
     if (m < M) r = map ? map[(size_t)(row0 + m) * T + t] : row0 + m;
     row[i] = r < src_rows ? r : -1;
   }
-  pack_sources(x0, c0, x1, c1, row, scale, shift, silu,
-               panels + ((size_t)panel * T + t) * TERMS_OF(c0 + c1) * PACK_ROWS);
+  pack_sources(x0, c0, x1, c1, row, scale, shift, silu, panels + ((size_t)panel * T + t) * (c0 + c1) * PACK_ROWS);
 }
-#endif
 
 #ifndef ROWS
 #define ROWS 64
@@ -64,41 +42,10 @@ kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, 
 // ```
 // argument     type  shape                    what
 // w            f32                            where the matrix lies
-// out          f32   [ceil(N/width),K,width]  written: the panels; columns beyond N are zero. PAIRS: u32
-//                                             [ceil(N/width),ceil(K/2),width]
-// define ROWS  64                             rows of a work-item; PAIRS: pairs of rows
+// out          f32   [ceil(N/width),K,width]  written: the panels; columns beyond N are zero
+// define ROWS  64                             rows of a work-item
 // work-items   groups of one: (panel, block of ROWS rows)
 // ```
-#ifdef PAIRS
-kernel void gemm_pack_panels(global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride,
-                             int width, global uint* out) {
-  const int n0 = GROUP_ID(0) * width, k0 = GROUP_ID(1) * ROWS, pairs = DIV_UP(K, 2);
-  const int count = min(width, N - n0);
-  for (int k = k0; k < min(pairs, k0 + ROWS); ++k) {
-    global const float* from = w + offset + (size_t)(first + 2 * k) * k_stride + (size_t)n0 * n_stride;
-    global const float* next = from + k_stride;
-    const int both = 2 * k + 1 < K;
-    global uint* to = out + ((size_t)GROUP_ID(0) * pairs + k) * width;
-    if (n_stride == 1) {
-      for (int j = 0; j < width; j += 16) {
-        const float16 second = both ? load_part(next + j, N - n0 - j) : (float16)(0.0f);
-        const uint16 v = pairs_of(load_part(from + j, N - n0 - j), second);
-        if (width - j >= 16) {
-          vstore16(v, 0, to + j);
-        } else {
-          uint values[16];
-          vstore16(v, 0, values);
-          for (int i = 0; i < width - j; ++i) to[j + i] = values[i];
-        }
-      }
-    } else {
-      for (int j = 0; j < count; ++j)
-        to[j] = pair_of(from[(size_t)j * n_stride], both ? next[(size_t)j * n_stride] : 0.0f);
-      for (int j = count; j < width; ++j) to[j] = 0u;
-    }
-  }
-}
-#else
 kernel void gemm_pack_panels(global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride,
                              int width, global float* out) {
   const int n0 = GROUP_ID(0) * width, k0 = GROUP_ID(1) * ROWS;
@@ -120,6 +67,20 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
 
 // tile += the products of `count` columns of A's panel at `a` with as many rows of B's at `b`: by pointers and several
 // at once, so that there is little loop overhead beside the multiply-adds.
+#ifdef BLOCK
+#define PANEL_TERMS(K) (DIV_UP(K, BLOCK) * BLOCK)
+#define TILE_RUN(a, b, count)                                                                                  \
+  {                                                                                                            \
+    global const Term* run_a_ = (a);                                                                           \
+    global const Term* run_b_ = (b);                                                                           \
+    int left_ = (count);                                                                                       \
+    for (; left_ >= BLOCK; left_ -= BLOCK, run_a_ += BLOCK * TILE_ROWS) {                                      \
+      _Pragma("unroll") for (int j_ = 0; j_ < BLOCK; ++j_, run_b_ += TILE_COLS) TILE_STEP(run_a_ + j_, run_b_) \
+    }                                                                                                          \
+    for (int j_ = 0; j_ < left_; ++j_, run_b_ += TILE_COLS) TILE_STEP(run_a_ + j_, run_b_)                     \
+  }
+#else
+#define PANEL_TERMS(K) (K)
 #define TILE_RUN(a, b, count)                                 \
   {                                                           \
     global const Term* run_a_ = (a);                          \
@@ -131,20 +92,23 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
       run_b_ += TILE_COLS;                                    \
     }                                                         \
   }
+#endif
 
 // Sums of more than TILE_TERMS terms are computed slice by slice of K, each for a whole block of A's panels, so that
 // B's slice stays in the first-level cache during the block.
 // ```
 // argument    type  shape              what
-// panels      f32   [ceil(M/12),K,12]  A, from gemm_pack_a
+// panels      f32   [ceil(M/12),K,12]  A, from gemm_pack_a, or with a width of 12 from gemm_pack_panels. BLOCK:
+//                                      [ceil(M/12),ceil(K/BLOCK),12,BLOCK], from gemm_pack_a_pairs
 // b           f32   [ceil(N/32),K,32]  B, 32 columns at a time; columns beyond N are zero
-// K           int                      terms; PAIRS: pairs of terms
+// K           int                      terms; PAIRS: pairs of terms, and u32 in place of f32
 // block       int                      panels of A that a work-item goes through; at most GEMM_PANELS if K >
 //                                      TILE_TERMS
 // bias        f32   [N]                null: none
 // act         int                      0 none, 1 GELU, 2 SiLU
 // residual    f32   [..,N]             from row row0 on; null: none; may be out
 // out         f32   [..,N]             written: rows row0 .. row0 + M - 1
+// define BLOCK  if A is packed by rows, in blocks: the terms of one; a multiple of it is TILE_TERMS
 // work-items  groups of one: (panel of B, block of panels of A)
 // ```
 kernel void gemm_tile(global const Term* panels, global const Term* b, int block, int M, int N, int K,
@@ -158,7 +122,7 @@ kernel void gemm_tile(global const Term* panels, global const Term* b, int block
     for (int k = 0; k < K; k += TILE_TERMS) {
       const int until = min(K, k + TILE_TERMS);
       for (int panel = first; panel < last; ++panel) {
-        global const Term* pa = panels + (size_t)panel * K * TILE_ROWS;
+        global const Term* pa = panels + (size_t)panel * PANEL_TERMS(K) * TILE_ROWS;
         float16* tile_sums_ = sums + (panel - first) * 2 * TILE_ROWS;
         TILE_DECLARE
         TILE_RUN(pa + k * TILE_ROWS, pb + k * TILE_COLS, until - k)
@@ -174,7 +138,7 @@ kernel void gemm_tile(global const Term* panels, global const Term* b, int block
   }
 #endif
   for (int panel = first; panel < last; ++panel) {
-    global const Term* pa = panels + (size_t)panel * K * TILE_ROWS;
+    global const Term* pa = panels + (size_t)panel * PANEL_TERMS(K) * TILE_ROWS;
     TILE_DECLARE
     TILE_RUN(pa, pb, K)
     const int m = panel * TILE_ROWS;

@@ -5,8 +5,8 @@ namespace vsplat {
 
 bool has_avx512bf16();
 
-// Whether the processor has AMX with bf16, and the system lets this process use it, for which this asks: Linux makes
-// room for its registers only then.
+// Whether the processor has AMX with bf16, and the system lets this process use it, for which this asks: Linux keeps
+// its registers only then.
 bool may_use_amx();
 
 }  // namespace vsplat

@@ -114,7 +114,7 @@ TEST_F(Amx, IsNotUsedIfItIsWrong) {
                   {"amx.clh", "AMX_MULTIPLY(3, 5, 7)", "AMX_MULTIPLY(3, 4, 7)"},
                   {"gemm_amx_cpu.cl", "if (until > whole)", "if (until > whole + 1)"},
                   {"gemm_amx_cpu.cl", "if (k0 == 0) {", "if (k0 >= 0) {"},
-                  {"gemm_amx_cpu.cl", "x0 + (size_t)r * c0 + c, width", "x0 + (size_t)r * c0, width"}};
+                  {"gemm_pack_pairs_cpu.cl", "load_part(from + (size_t)r * step", "load_part(from"}};
   for (const auto& mistake : mistakes) {
     const test::TemporaryFolder folder;
     ASSERT_TRUE(test::plant(folder.path(), mistake.file, mistake.right, mistake.wrong)) << mistake.right;
