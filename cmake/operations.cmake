@@ -54,6 +54,7 @@ set(VSPLAT_OPERATIONS
   fit/muon
   fit/picture_target
   fit/sky_background
+  fit/sparsity_loss
   fit/splat_adam
   fit/splat_filter
   fit/splat_parameters

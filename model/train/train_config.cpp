@@ -47,6 +47,7 @@ void each_field(C& c, Visit visit) {
   visit("clip_norm", c.clip_norm);
   visit("ssim_weight", c.ssim_weight);
   visit("alpha_weight", c.alpha_weight);
+  visit("sparsity_weight", c.sparsity_weight);
   visit("fine_after", c.fine_after);
   visit("surface_after", c.surface_after);
   visit("distortion_weight", c.distortion_weight);
@@ -104,6 +105,7 @@ void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   is.in("clip_norm", c.clip_norm, c.clip_norm > 0, "above 0");
   is.in("ssim_weight", c.ssim_weight, c.ssim_weight >= 0, "at least 0");
   is.in("alpha_weight", c.alpha_weight, c.alpha_weight >= 0, "at least 0");
+  is.in("sparsity_weight", c.sparsity_weight, c.sparsity_weight >= 0, "at least 0");
   is.within("fine_after", c.fine_after, 0, c.model.get_if<LaraConfig>() ? kMostSteps : 0);
   is.within("surface_after", c.surface_after, 0, kMostSteps);
   for (const auto& [name, value] :

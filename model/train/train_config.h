@@ -32,6 +32,9 @@ struct TrainConfig {
   // a in + a |alpha - the picture's|, averaged over the pixels of views that have a mask or alpha; affects the
   // gradients, not the reported loss. 0: none
   double alpha_weight = 0;
+  // b in + b times the mean, over a level's Gaussians, of ln(1 + opacity / 0.05), which makes a few opaque Gaussians of
+  // many faint ones; affects the gradients, not the reported loss. 0: none
+  double sparsity_weight = 0;
   // LaRa's network. The second level is skipped for `fine_after` steps. After `surface_after` steps, the loss of a
   // first level of surfels also has distortion_weight times the mean distortion, and normal_weight times the deviation
   // of the normals from those of the surface that the depths span.

@@ -80,6 +80,7 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, R
 void Trainer::set_loss(PassOptions& options, long step) const {
   options.ssim_weight = static_cast<float>(config_.ssim_weight);
   options.alpha_weight = static_cast<float>(config_.alpha_weight);
+  options.sparsity_weight = static_cast<float>(config_.sparsity_weight);
   options.forward.fine = step > config_.fine_after;
   if (step > config_.surface_after)
     options.surface = {static_cast<float>(config_.distortion_weight), static_cast<float>(config_.normal_weight)};

@@ -6,6 +6,7 @@
 #include "model/base/scene.h"
 #include "model/ops/fit/loss.h"
 #include "model/ops/fit/picture_target.h"
+#include "model/ops/fit/sparsity_loss.h"
 #include "model/ops/fit/surface_loss.h"
 #include "model/ops/networks/lara_maps.h"
 #include "model/ops/networks/ray_loss.h"
@@ -47,6 +48,12 @@ class Level {
       const DrawnPicture drawn = render_with_backward(ctx_, gaussians_, camera, how, loss, gradient_);
       intersections = std::max(intersections, drawn.intersections);
     }
+  }
+
+  // Adds the gradient of sparsity_weight's term.
+  void thin_out(const PassOptions& options) {
+    if (options.sparsity_weight <= 0) return;
+    sparsity_loss(ctx_, {gaussians_.opacities, gradient_.front().opacities, options.sparsity_weight * options.scale});
   }
 
   GaussianGradients take() { return std::move(gradient_.front()); }
@@ -136,11 +143,13 @@ DrawnPass draw_pass(Context& ctx, const Network& network, const PassViews& views
   {
     Level level(ctx, network.drawing(), out.trained.coarse);
     level.draw(views, options, options.surface, result.coarse, result.intersections);
+    level.thin_out(options);
     out.dcoarse = level.take();
   }
   if (network.config().has_fine() && options.forward.fine) {
     Level level(ctx, network.drawing(), out.trained.final);
     level.draw(views, options, {}, result.final, result.intersections);
+    level.thin_out(options);
     out.dfinal = level.take();
   }
   return out;

@@ -28,9 +28,10 @@ struct PassOptions {
   ForwardOptions forward;
   bool recompute = false;  // store only the inputs of most stages and run each again in backward: the same bits
   float ssim_weight = 0.5f;
-  SurfaceWeights surface;  // for a coarse level of surfels
-  float alpha_weight = 0;  // of alpha's mean absolute error, in views with `rgba`; affects only the gradients
-  float scale = 1;         // of the gradients: the object's share of a step
+  SurfaceWeights surface;     // for a coarse level of surfels
+  float alpha_weight = 0;     // of alpha's mean absolute error, in views with `rgba`; affects only the gradients
+  float sparsity_weight = 0;  // of the mean of ln(1 + opacity / 0.05), for each level; affects only the gradients
+  float scale = 1;            // of the gradients: the object's share of a step
   // A plan without rendering, which reserves its own memory once the number of Gaussians is known.
   bool network_alone = false;
   // In a plan: Error(memory) if a picture would have to be rendered in tiles.
@@ -68,7 +69,7 @@ PassResult finish_pass(Context& ctx, const Network& network, DrawnPass pass);
 // All three calls. Adds the loss's gradients to those of the weights that `network` was made from. The loss is the sum
 // over levels of the mean over views of MSE + ssim_weight (1 - SSIM), plus the surface terms, plus, if poses are
 // predicted, share_loss_weight times the rays' error. The gradients are also multiplied by `scale` and include
-// alpha_weight's term. Deterministic to the bit.
+// the terms of alpha_weight and sparsity_weight. Deterministic to the bit.
 PassResult training_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options);
 
 }  // namespace vsplat

@@ -38,6 +38,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"clip_norm", 0.5},
                          {"ssim_weight", 0.5},
                          {"alpha_weight", 0.0},
+                         {"sparsity_weight", 0.0},
                          {"fine_after", 0},
                          {"surface_after", 0},
                          {"distortion_weight", 0.0},
@@ -78,7 +79,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.schedule = {0.1 + 0.2, 7, 77, 0.9, 1e-3, 13, {5, 1000000000}};
   c.batch = 3, c.accumulate = 2, c.parts = 5;
   c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25,
-  c.alpha_weight = 0.1;
+  c.alpha_weight = 0.1, c.sparsity_weight = 0.01;
   c.optimizer = "muon", c.momentum = 0.9;
   c.ema = 0.999;
   c.frozen = {"encoder.model.blocks.0", "dir_norm"};
@@ -261,6 +262,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"clip_norm": 0})", "clip_norm must be above 0 (found 0)"},
       {R"({"ssim_weight": -1})", "ssim_weight must be at least 0 (found -1)"},
       {R"({"alpha_weight": -1})", "alpha_weight must be at least 0 (found -1)"},
+      {R"({"sparsity_weight": -1})", "sparsity_weight must be at least 0 (found -1)"},
       {R"({"frozen": ["encode", "encoders"]})", "frozen must be the beginning of a parameter's name"},
       {R"({"frozen": [""]})", "(found \"\")"},
       {R"({"frozen": ["encoder", "dir_norm", "volume", "voxel", "predictor"]})", "must leave something to train"},

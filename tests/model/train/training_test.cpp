@@ -225,6 +225,36 @@ TEST_P(Training, TheAlphasLossComesOnTop) {
       << "what is reported";
 }
 
+// The sparsity loss adds its gradient by the opacities of both levels, and by nothing else.
+TEST_P(Training, TheSparsityLossComesOnTop) {
+  const Golden golden = Golden::load("micro");
+  const LearntWeights weights(ctx(), golden.config(), golden.weights());
+  const auto network = make_network(ctx(), golden.config(), weights);
+  const PassViews views = upload(ctx(), golden);
+  PassOptions options;
+  options.forward = options_of(ctx(), golden);
+  options.scale = 0.5f;
+  const auto drawn = [&](float weight) {
+    weights.zero_gradients(ctx());
+    options.sparsity_weight = weight;
+    return draw_pass(ctx(), *network, views, options, begin_pass(ctx(), *network, views, options));
+  };
+  const DrawnPass without = drawn(0), with = drawn(3);
+  const auto check = [&](const Tensor& opacities, const GaussianGradients& before, const GaussianGradients& after) {
+    const std::vector<float> o = ctx().read<float>(opacities), a = ctx().read<float>(before.opacities),
+                             b = ctx().read<float>(after.opacities);
+    std::vector<float> difference, expected;
+    for (std::size_t i = 0; i < o.size(); ++i)
+      difference.push_back(b[i] - a[i]), expected.push_back(3 * 0.5f / (0.05f + o[i]) / static_cast<float>(o.size()));
+    EXPECT_TRUE(test::close(difference, expected, 1e-4));
+    EXPECT_EQ(ctx().read<float>(before.sh), ctx().read<float>(after.sh));
+    EXPECT_EQ(ctx().read<float>(before.means), ctx().read<float>(after.means));
+  };
+  check(with.trained.coarse.opacities, without.dcoarse, with.dcoarse);
+  check(with.trained.final.opacities, without.dfinal, with.dfinal);
+  EXPECT_EQ(ctx().read<float>(without.result.final[0]), ctx().read<float>(with.result.final[0])) << "what is reported";
+}
+
 // Ten steps of AdamW with clipping, warm-up and annealing, with PyTorch's noise.
 TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
   VSPLAT_NEED_GOLDEN("train_steps");
