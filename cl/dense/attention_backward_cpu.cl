@@ -139,11 +139,7 @@ kernel void attention_backward_by_query(global const Term* across, global const 
   load_rows(across + 3 * wide, t0, T, D, g);
   for (int i = 0; i < ROWS * HEAD_PAD; ++i) o[i] = 0.0f;
   const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-#ifdef MATRIX_AMX
-  AmxShapes shapes;
-  amx_full_shapes(&shapes);
-  AMX_BEGIN(&shapes)
-#endif
+  PRODUCTS_BEGIN
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     for (int n = 0; n < here; ++n) {
@@ -164,9 +160,7 @@ kernel void attention_backward_by_query(global const Term* across, global const 
     }
     tile_add(w, along + high + n0 * rows, here * KEYS, o);
   }
-#ifdef MATRIX_AMX
-  AMX_END
-#endif
+  PRODUCTS_END
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
     global float* to = dqkv + ((size_t)(v * T + t0 + i) * 3 * H + h) * D;
     for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * scale;
@@ -189,11 +183,7 @@ kernel void attention_backward_by_key(global const Term* across, global const Te
   load_rows(across + wide, t0, T, D, k);
   load_rows(across + 2 * wide, t0, T, D, values);
   for (int i = 0; i < ROWS * HEAD_PAD; ++i) ok[i] = ov[i] = 0.0f;
-#ifdef MATRIX_AMX
-  AmxShapes shapes;
-  amx_full_shapes(&shapes);
-  AMX_BEGIN(&shapes)
-#endif
+  PRODUCTS_BEGIN
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     for (int n = 0; n < here; ++n) {
@@ -214,9 +204,7 @@ kernel void attention_backward_by_key(global const Term* across, global const Te
     tile_add(wk, along + n0 * rows, here * KEYS, ok);
     tile_add(wv, along + 2 * high + n0 * rows, here * KEYS, ov);
   }
-#ifdef MATRIX_AMX
-  AMX_END
-#endif
+  PRODUCTS_END
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
     global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;
     global float* dv = dk + (size_t)H * D;

@@ -82,7 +82,7 @@ typedef struct {
   vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
   high[i] = max(high[i], max(lo##i, hi##i));
 
-// Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS], D in terms: written to p [ROWS, STEP] from
+// Scores of the queries q (TOKEN_AT) with a panel of keys b [D, KEYS], D in terms: written to p [ROWS, STEP] from
 // `column` on. If `beyond` > 0, the last `beyond` keys of the panel do not exist and have score -infinity. high [ROWS]:
 // the largest scores, lane by lane, updated.
 #ifdef MATRIX_AMX
@@ -167,7 +167,7 @@ kernel void attention_forward_cpu(global const float* qkv, global const Term* kt
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
-  Term q[TERMS_OF(HEAD_PAD) * ROWS];  // [D in terms, ROWS], scaled for base 2
+  Term q[TERMS_OF(HEAD_PAD) * ROWS];  // TOKEN_AT, scaled for base 2
   float o[ROWS * HEAD_PAD], p[ROWS * STEP];
 #ifdef PAIRS
   uint w[ROWS * TERMS_OF(STEP)];
@@ -188,11 +188,7 @@ kernel void attention_forward_cpu(global const float* qkv, global const Term* kt
     state.total[i] = (float16)(0.0f);
     state.largest[i] = -INFINITY;
   }
-#ifdef MATRIX_AMX
-  AmxShapes shapes;
-  amx_full_shapes(&shapes);
-  AMX_BEGIN(&shapes)
-#endif
+  PRODUCTS_BEGIN
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
     const size_t first = (size_t)vh * panels + n0;
@@ -203,9 +199,7 @@ kernel void attention_forward_cpu(global const float* qkv, global const Term* kt
     softmax_step(&state, high, here * KEYS, p, w);
     add_values(w, vp + first * TERMS_OF(KEYS) * HEAD_PAD, here * KEYS, state.decay, o);
   }
-#ifdef MATRIX_AMX
-  AMX_END
-#endif
+  PRODUCTS_END
   for (int i = 0; i < rows; ++i) {
     global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
     const float inverse = 1.0f / sum_of(state.total[i]);

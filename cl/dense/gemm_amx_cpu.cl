@@ -55,9 +55,7 @@ kernel void gemm_amx_tile(global const uint* panels, global const uint* b, int b
   for (int i = 0; i < BLOCK * TILE_COLS; ++i) tail[i] = 0u;
   for (int i = 0; i < K % BLOCK * TILE_COLS; ++i) tail[i] = pb[whole * BLOCK * TILE_COLS + i];
   float16 sums[GEMM_PANELS * 2 * PANEL_ROWS];
-  AmxShapes shapes;
-  amx_full_shapes(&shapes);
-  AMX_BEGIN(&shapes)
+  AMX_BEGIN_FULL
   for (int k0 = 0; k0 == 0 || k0 < blocks; k0 += SLICE) {
     const int until = min(blocks, k0 + SLICE);
     for (int panel = first; panel < last; ++panel) {

@@ -197,8 +197,7 @@ MatrixUnit choose_matrix_unit(const DeviceInfo& device, const std::string& kerne
     fail(Status::usage,
          "mixed precision and the cpu kernels were asked for, and these multiply in mixed precision by a processor's "
          "avx512_bf16 or amx_bf16 instructions, which {} does not have or which have not passed their test there: ask "
-         "for the gpu "
-         "kernels, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
+         "for the gpu kernels, or leave the choice to the program ({}, VSPLAT_KERNELS), or take fp32",
          device.name, Option::kernels);
   return MatrixUnit::emulated;
 }

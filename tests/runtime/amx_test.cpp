@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <fstream>
 
 #include "model/diagnose/selftest/cases/cases.h"
 #include "runtime/gemm_pairs.h"
