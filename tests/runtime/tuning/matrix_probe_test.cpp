@@ -42,38 +42,23 @@ TEST(MatrixProbe, EmulatedUnitsPass) {
 
 // Each is a mistake that a back end may make: a swapped row, a swapped term, coarse sums, a wrong operand.
 TEST(MatrixProbe, FindsWrongUnits) {
-  const struct {
-    const char *file, *right, *wrong;
-  } mistakes[] = {
-      {"matrix_emulated.clh", "from + MATRIX_ROW * stride", "from + (MATRIX_ROW ^ 1) * stride"},
-      {"matrix_emulated.clh", "a.from[k]", "a.from[k ^ 1]"},
-      {"matrix_emulated.clh", "  return sum;\n", "  return convert_float4(convert_int4(sum * 64.0f)) / 64.0f;\n"},
-      {"gemm_matrix.clh", "there > 1 ? from[N]", "there > 1 ? from[0]"}};
-  for (const auto& mistake : mistakes) {
-    const test::TemporaryFolder folder;
-    ASSERT_TRUE(plant(folder.path(), mistake.file, mistake.right, mistake.wrong)) << mistake.right;
-    const test::Variable kernels("VSPLAT_KERNEL_DIR", folder.string().c_str());
-    const auto ctx = test::open_context(Flavour::gpu, with_unit(MatrixUnit::emulated));
-    EXPECT_NE(wrong_with_matrix_unit(*ctx), "") << mistake.wrong;
-  }
+  test::expect_found(
+      {{"matrix_emulated.clh", "from + MATRIX_ROW * stride", "from + (MATRIX_ROW ^ 1) * stride"},
+       {"matrix_emulated.clh", "a.from[k]", "a.from[k ^ 1]"},
+       {"matrix_emulated.clh", "  return sum;\n", "  return convert_float4(convert_int4(sum * 64.0f)) / 64.0f;\n"},
+       {"gemm_matrix.clh", "there > 1 ? from[N]", "there > 1 ? from[0]"}},
+      [] { return wrong_with_matrix_unit(*test::open_context(Flavour::gpu, with_unit(MatrixUnit::emulated))); });
 }
 
 // The same of pairs: halves that are mixed up, a term that is left out, a wrong operand, coarse sums.
 TEST(MatrixProbe, FindsWrongPairs) {
   if (test::context(Flavour::cpu).device().native_float_width < 4) GTEST_SKIP() << "no vectors";
-  const struct {
-    const char *file, *right, *wrong;
-  } mistakes[] = {{"pairs_cpu.clh", "as_float16(b << 16)", "as_float16(b & 0xffff0000u)"},
-                  {"pairs_cpu.clh", "(bits >> 16 & 1u);\n  const int16", "0x8000u;\n  const int16"},
-                  {"gemm_cpu.cl", "TILE_RUN(pa, pb, K)", "TILE_RUN(pa, pb, K - 1)"},
-                  {"term_tile_cpu.clh", "pair_dot(a_, tile_hi_", "pair_dot(a_, tile_lo_"}};
-  for (const auto& mistake : mistakes) {
-    const test::TemporaryFolder folder;
-    ASSERT_TRUE(plant(folder.path(), mistake.file, mistake.right, mistake.wrong)) << mistake.right;
-    const test::Variable kernels("VSPLAT_KERNEL_DIR", folder.string().c_str());
-    const auto ctx = test::open_context(Flavour::cpu, with_unit(MatrixUnit::emulated));
-    EXPECT_NE(wrong_with_matrix_unit(*ctx), "") << mistake.wrong;
-  }
+  test::expect_found(
+      {{"pairs_cpu.clh", "as_float16(b << 16)", "as_float16(b & 0xffff0000u)"},
+       {"pairs_cpu.clh", "(bits >> 16 & 1u);\n  const int16", "0x8000u;\n  const int16"},
+       {"gemm_cpu.cl", "TILE_RUN(pa, pb, K)", "TILE_RUN(pa, pb, K - 1)"},
+       {"term_tile_cpu.clh", "pair_dot(a_, tile_hi_", "pair_dot(a_, tile_lo_"}},
+      [] { return wrong_with_matrix_unit(*test::open_context(Flavour::cpu, with_unit(MatrixUnit::emulated))); });
 }
 
 // A wrong instruction planted on purpose: the processor's unit is not used.
