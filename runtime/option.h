@@ -13,8 +13,8 @@
   X(allow_outside) X(device) X(gemm) X(kernels) X(max_host_memory) X(max_memory) X(precision)                         \
   /* views and the object's cube */                                                                                  \
   X(auto_frame) X(center) X(force) X(pictures) X(scale) X(skip_bad_views) X(view_count) X(views)                      \
-  /* the network's selection */                                                                                      \
-  X(assume_selected) X(selection) X(selection_seed)                                                                  \
+  /* the network's passes and selection */                                                                           \
+  X(assume_selected) X(merge_cell) X(passes) X(selection) X(selection_seed)                                           \
   /* scenes and drawing */                                                                                           \
   X(antialias) X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)  \
   /* a fit */                                                                                                        \

@@ -6,6 +6,7 @@
 #include "model/api/device.h"
 #include "model/api/input.h"
 #include "model/api/model.h"
+#include "model/api/pass_options.h"
 #include "model/api/scene.h"
 #include "model/api/selected.h"
 #include "model/api/whole_source.h"
@@ -95,6 +96,7 @@ ReconstructOptions reconstruct_options_of(const vsplat_fit_options& o, const Con
   if (!(r.near_plane >= 0)) fail(Status::usage, "options.reconstruct.near_plane is {}", r.near_plane);
   ReconstructOptions out;
   out.near = r.near_plane;
+  set_passes(out, r);
   if (r.has_seed) out.forward.selection_seed = r.seed;
   out.forward.planned_selected =
       selected_of(r.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.reconstruct.assume_selected");

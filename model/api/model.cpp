@@ -49,6 +49,8 @@ vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   out.parameters = static_cast<uint64_t>(parameter_count(config));
   out.hash = hash;
   out.use_views = config.views_to_use();
+  out.passes = config.passes;
+  out.merge_cell = config.merge_cell;
   return out;
 }
 
@@ -235,6 +237,18 @@ vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,
       fail(Status::usage, "use_views is {}: 1 to {} expected", use_views, max_views);
     ModelFile file = vsplat_file(model);
     file.config.use_views = use_views;
+    *out_model = handle_of(std::move(file)).release();
+  });
+}
+
+vsplat_status vsplat_model_with_passes(vsplat_model model, int32_t passes, double merge_cell, vsplat_model* out_model) {
+  return guarded([&] {
+    need(model, "model");
+    need(out_model, "out_model");
+    ModelFile file = vsplat_file(model);
+    file.config.passes = passes;
+    file.config.merge_cell = merge_cell;
+    check(file.config);
     *out_model = handle_of(std::move(file)).release();
   });
 }

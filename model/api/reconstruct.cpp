@@ -1,9 +1,10 @@
-// One forward pass, and the memory it needs.
+// Reconstruction, and the memory it needs.
 #include "model/reconstruct/reconstruct.h"
 
 #include "model/api/device.h"
 #include "model/api/input.h"
 #include "model/api/model.h"
+#include "model/api/pass_options.h"
 #include "model/api/plan.h"
 #include "model/api/scene.h"
 #include "model/api/selected.h"
@@ -30,14 +31,14 @@ std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o
   return std::vector<int>(o.voxels, o.voxels + o.num_voxels);
 }
 
-// Host memory: the model as read, the pictures as the network gets them, and the Gaussians twice, here and in the
-// scene.
-double host_bytes(int image, const Weights& weights, int views, long gaussians) {
+// Host memory: the model as read, the pictures as the network gets them, and the Gaussians of every pass and once more
+// in the scene.
+double host_bytes(int image, const Weights& weights, int views, long gaussians, int passes) {
   double values = 0;
   for (const auto& [name, tensor] : weights.all()) values += static_cast<double>(tensor.data.size());
   values += 3.0 * views * image * image;
   constexpr double values_of_gaussian = 59;  // with spherical harmonics of degree 3
-  values += 2 * values_of_gaussian * static_cast<double>(gaussians);
+  values += (1 + std::min(passes, views)) * values_of_gaussian * static_cast<double>(gaussians);
   return values * sizeof(float);
 }
 
@@ -73,6 +74,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     ReconstructOptions how;
     how.near = o.near_plane;
     how.dump = o.dump ? o.dump : "";
+    set_passes(how, o);
     how.masked = input->input.masked;
     std::optional<std::vector<int>> selection;
     const AnyConfig config = config_of(model);
@@ -120,7 +122,8 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     MemoryPlan plan;
     const bool fits = fits_within([&] { plan = plan_network(ctx, config, weights, views, planned); });
     const double host =
-        host_bytes(config.image(), weights, views, config.visit([&](const auto& c) { return made_of(c, planned); }));
+        host_bytes(config.image(), weights, views, config.visit([&](const auto& c) { return made_of(c, planned); }),
+                   config.taken().passes);
     give(out_plan, plan_of(ctx, plan.stages, plan.peak, fits, host), "out_plan");
   });
 }

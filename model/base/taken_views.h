@@ -4,13 +4,17 @@
 
 namespace vsplat {
 
-// The views that a network accepts.
+// The views that a network accepts, and how a reconstruction uses it.
 struct TakenViews {
   int image;           // edge in pixels
   int trained;         // number of views in training and evaluation
   int usual;           // number that a reconstruction picks if more are available
   int most;            // upper limit
   std::string rebase;  // rotate, move
+  int passes = 1;      // forward passes of a reconstruction, each with another view as the reference
+  // Edge of the cells in which a reconstruction's Gaussians become one, in voxels; 0: they stay.
+  double merge_cell = 0;
+  int cells = 1;  // voxels along the cube's edge
 };
 
 }  // namespace vsplat

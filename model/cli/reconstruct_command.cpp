@@ -20,8 +20,8 @@ struct ReconstructOptions {
   PictureOptions pictures;
   PlacementOptions placement;
   std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
-  std::string selection, selection_seed, assume_selected, viewer;
-  int view_count = 0;  // 0: the model's
+  std::string selection, selection_seed, assume_selected, merge_cell, viewer;
+  int view_count = 0, passes = 0;  // 0: the model's
   bool force = false, dry_run = false, refine = false;
   FitOptions fit;
   std::string list;
@@ -77,6 +77,10 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
     run.has_seed = 1;
     run.seed = seed_value("--selection-seed", o.selection_seed);
   }
+  run.passes = o.passes;
+  if (!o.merge_cell.empty())
+    run.merge_cell =
+        o.merge_cell == "none" ? -1 : positive_number("--merge-cell", o.merge_cell, "edge in voxels, or none");
   run.near_plane = pictures.near;
   if (pictures.orbit_options.has_up) std::copy_n(pictures.orbit_options.up, 3, run.up);
   run.dump = o.dump.empty() ? nullptr : o.dump.c_str();
@@ -110,20 +114,29 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
   print_plans(o.common, plans);
 }
 
+// How many passes a reconstruction runs.
+int32_t passes_of(const vsplat_reconstruct_options& run, const vsplat_model_info& model, int32_t views) {
+  if (run.selection || run.dump) return 1;
+  return std::min(run.passes ? run.passes : model.passes, views);
+}
+
 void summarise(const ReconstructOptions& o, const Session& session, const PictureJob& job, const vsplat::Input& input,
                const vsplat::Scene& scene, const SceneFile& file, const PageFile& page, std::size_t pictures,
-               const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit) {
+               const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit, int32_t passes) {
   const vsplat_scene_info info = scene.info();
   const std::size_t selected = (fit ? fit->start() : scene).selection().size();
   if (comparison) say(o.common, comparison->table());
   if (fit) fit->summarise(o.common);
-  say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + std::to_string(selected) +
-                    " selected voxels" + (pictures ? ", " + job.summary(pictures) : "") + ", " +
-                    seconds_text(elapsed_seconds()));
+  const std::string from =
+      passes > 1 ? std::to_string(passes) + " passes (" + std::to_string(selected) + " voxels selected in the first)"
+                 : std::to_string(selected) + " selected voxels";
+  say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + from +
+                    (pictures ? ", " + job.summary(pictures) : "") + ", " + seconds_text(elapsed_seconds()));
   if (!o.common.json) return;
   const vsplat_input_info placed = input.info();
   nlohmann::ordered_json out = {{"output", o.output},
                                 {"gaussians", info.count},
+                                {"passes", passes},
                                 {"selected", selected},
                                 {"views", placed.views},
                                 {"center", {placed.center[0], placed.center[1], placed.center[2]}},
@@ -264,7 +277,8 @@ void reconstruct(ReconstructOptions& o) {
   }
   session.write_profile(outputs);
   outputs.commit();
-  summarise(o, session, job, input, scene, file, page, shots.all.size(), comparison, request.fit);
+  summarise(o, session, job, input, scene, file, page, shots.all.size(), comparison, request.fit,
+            passes_of(request.run, model.info(), input.info().views));
 }
 
 void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
@@ -344,6 +358,15 @@ void add_reconstruct(CLI::App& app, Run& run) {
       ->check(CLI::Range(1, 16).description(""))
       ->excludes("--views")
       ->type_name("N");
+  sub->add_option("--passes", o->passes,
+                  "Number of passes of the network, 1 to 16: each has another picture as the reference, and their mean "
+                  "is better than each (default: passes of `vsplat weights info`)")
+      ->check(CLI::Range(1, 16).description(""))
+      ->type_name("N");
+  sub->add_option("--merge-cell", o->merge_cell,
+                  "Make one Gaussian of those whose centres share a cell of this edge, in voxels (default: merge_cell "
+                  "of `vsplat weights info`)")
+      ->type_name("E|none");
   add_view_options(*sub, o->picture_folder, o->pictures.skip_bad);
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")

@@ -16,7 +16,8 @@ struct WeightsOptions {
   Common common;
   std::string model, dtype, output, checkpoint, config;
   std::vector<std::string> fields;
-  int view_count = 0;  // 0: unchanged
+  int view_count = 0, passes = 0;  // 0: unchanged
+  double merge_cell = -1;          // below 0: unchanged
 
   // As the C interface takes it: NULL for the built-in model.
   const char* path() const { return model.empty() ? nullptr : model.c_str(); }
@@ -119,6 +120,10 @@ void convert(const WeightsOptions& o) {
   outputs.expect(o.output);
   vsplat::Model model = load_model(o.model);
   if (o.view_count) model = model.with_use_views(o.view_count);
+  if (o.passes || o.merge_cell >= 0) {
+    const vsplat_model_info info = model.info();
+    model = model.with_passes(o.passes ? o.passes : info.passes, o.merge_cell >= 0 ? o.merge_cell : info.merge_cell);
+  }
   try {
     model.save(outputs.begin(o.output), o.dtype == "f16" ? VSPLAT_DTYPE_F16 : VSPLAT_DTYPE_F32);
   } catch (const vsplat::Error& e) {  // a value that does not fit: the message names only the output
@@ -189,6 +194,14 @@ void add_convert(CLI::App& parent, Run& run) {
                   "Store in the file how many pictures reconstruct uses by default, 1 to 16")
       ->check(CLI::Range(1, 16).description(""))
       ->type_name("N");
+  sub->add_option("--passes", o->passes, "Store in the file how many passes reconstruct runs by default, 1 to 16")
+      ->check(CLI::Range(1, 16).description(""))
+      ->type_name("N");
+  sub->add_option("--merge-cell", o->merge_cell,
+                  "Store in the file in which cells reconstruct merges Gaussians by default: their edge in voxels, 0 "
+                  "to 16; 0: none")
+      ->check(CLI::Range(0.0, 16.0).description(""))
+      ->type_name("E");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("FILE");
   sub->footer("Example:\n  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
 }

@@ -38,6 +38,23 @@ void draw(std::span<const Eigen::Vector3d> positions, int count, Random& random,
   }
 }
 
+// The first member of each group of a random half of the views that are free, or of all of these if half is too few.
+void draw_first(std::span<const Eigen::Vector3d> positions, int count, Random& random, std::vector<bool>& taken,
+                std::vector<int>& out) {
+  std::vector<int> free;
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    if (!taken[i]) free.push_back(static_cast<int>(i));
+  shuffle(free, random);
+  free.resize(std::max(free.size() / 2, std::min(free.size(), static_cast<std::size_t>(2 * count))));
+  std::sort(free.begin(), free.end());
+  std::vector<Eigen::Vector3d> among;
+  among.reserve(free.size());
+  for (const int view : free) among.push_back(positions[static_cast<std::size_t>(view)]);
+  for (const Group& group : kmeans(among, count)) out.push_back(free[static_cast<std::size_t>(group.members.front())]);
+  shuffle(out, random);
+  for (const int view : out) taken[static_cast<std::size_t>(view)] = true;
+}
+
 // A bijection of 0 .. 2^(2 bits) - 1: a Feistel network with Philox as its round function.
 std::uint64_t mixed(std::uint64_t value, int bits, const std::array<std::uint32_t, 2>& key, std::uint32_t round) {
   const std::uint64_t mask = (std::uint64_t{1} << bits) - 1;
@@ -62,11 +79,13 @@ std::uint64_t shuffled(std::uint64_t index, std::uint64_t count, std::uint64_t s
 }
 
 DrawnViews draw_views(std::span<const Eigen::Vector3d> positions, const std::vector<bool>& excluded, int inputs,
-                      int novel, Random& random) {
+                      int novel, bool first, Random& random) {
   DrawnViews out;
   if (std::count(excluded.begin(), excluded.end(), false) < inputs) return out;
   std::vector<bool> taken = excluded;
-  draw(positions, inputs, random, taken, out.inputs);
+  if (first) draw_first(positions, inputs, random, taken, out.inputs);
+  if (const int more = inputs - static_cast<int>(out.inputs.size()); more > 0)
+    draw(positions, more, random, taken, out.inputs);
   draw(positions, novel, random, taken, out.novel);
   while (static_cast<int>(out.novel.size()) < novel) {
     taken = excluded;

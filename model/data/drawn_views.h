@@ -18,10 +18,10 @@ struct DrawnViews {
 };
 
 // Draws input views: clusters the camera positions into as many k-means groups as views are needed, in random order,
-// and takes a random member of each. Then draws novel views from the rest in the same way. No view is drawn twice, and
-// no `excluded` view at all; if too few are left, novel views may repeat. Draws nothing if there are fewer views than
-// `inputs`.
+// and takes a random member of each or, with `first`, the first of each of a random half of the views. Then draws novel
+// views from the rest, a random member of each group. No view is drawn twice, and no `excluded` view at all; if too few
+// are left, novel views may repeat. Draws nothing if there are fewer views than `inputs`.
 DrawnViews draw_views(std::span<const Eigen::Vector3d> positions, const std::vector<bool>& excluded, int inputs,
-                      int novel, Random& random);
+                      int novel, bool first, Random& random);
 
 }  // namespace vsplat

@@ -33,6 +33,7 @@ void check(const DataSet& data, const TrainingOptions& o) {
   expect(o.batch >= 1, "a step has at least one item");
   expect(o.min_inputs >= 1 && o.min_inputs <= o.max_inputs && o.max_inputs <= max_views, "1 to 16 input views");
   expect(o.novel >= 0 && o.novel <= 1000, "0 to 1000 novel views");
+  expect(o.first_listed >= 0 && o.first_listed <= 1, "the share of first listed input views is 0 to 1");
   expect(o.turn_degrees >= 0 && o.turn_degrees <= 180, "a turn by 0 to 180 degrees");
   expect(o.min_cube > 0 && o.min_cube <= o.max_cube && o.max_cube < 1e3, "the cube's factors must be positive");
   expect(o.mirror >= 0 && o.mirror <= 1, "the share of mirrored objects is 0 to 1");
@@ -252,8 +253,9 @@ void TrainingReader::Impl::disguise(TrainingViews& views, Random& random) const 
 TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index, Random& random) {
   std::vector<bool> excluded(from.positions.size(), false);
   const int inputs = options.min_inputs + random.below(options.max_inputs - options.min_inputs + 1);
+  const bool first = options.first_listed > 0 && random.uniform(0, 1) < options.first_listed;
   for (;;) {
-    const DrawnViews drawn = draw_views(from.positions, excluded, inputs, options.novel, random);
+    const DrawnViews drawn = draw_views(from.positions, excluded, inputs, options.novel, first, random);
     if (drawn.inputs.empty())
       fail(Status::input, "{}: {} of its {} views can be used, {} input views are asked for", from.object.label,
            std::count(excluded.begin(), excluded.end(), false), excluded.size(), inputs);

@@ -29,6 +29,9 @@ struct TrainingOptions {
   int batch = 1;                       // items of a step, each with one object
   int first_item = 0, last_item = -1;  // the items requested here, [first, last); -1: all
   int min_inputs = 4, max_inputs = 4;  // number of input views, random between the two
+  // The share of items whose input views are the first listed ones of their groups, as the published protocol takes
+  // them: see draw_views(). The cameras of a rendered set are listed from above to below.
+  double first_listed = 0;
   int novel = 4;
   bool random_background =
       false;           // novel views over white, grey or black, else white; opaque pictures always use white

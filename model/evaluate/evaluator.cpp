@@ -15,6 +15,7 @@
 #include "model/fit/scene_fit.h"
 #include "model/io/picture/contact_sheet.h"
 #include "model/metrics/metrics.h"
+#include "model/reconstruct/passes.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/render/render.h"
 #include "model/render/supersample.h"
@@ -125,11 +126,9 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
 }
 
 Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw) const {
-  const int edge = config_.image();
   std::vector<float> pictures;
   for (std::size_t i = 0; i < object.inputs; ++i)
     pictures.insert(pictures.end(), object.pictures[i].data.begin(), object.pictures[i].data.end());
-  const Tensor input = ctx_.upload({static_cast<long>(object.inputs), edge, edge, 3}, pictures, Type::f32, "pictures");
   const std::vector<Camera> listed(object.cameras.begin(),
                                    object.cameras.begin() + static_cast<std::ptrdiff_t>(object.inputs));
   const bool noisy = options_.pose_noise > 0;
@@ -140,13 +139,15 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
   forward.planned_selected = options_.planned_selected;
   ctx_.finish();
   const auto begun = std::chrono::steady_clock::now();
-  const Network::Result result = network_.forward(ctx_, input, cameras, forward);
-  ctx_.finish();
+  const TakenViews taken = config_.taken();
+  const Passes passes =
+      forward_passes(ctx_, network_, pictures, cameras, {taken.passes, taken.merge_cell, true}, forward);
+  const Network::Result& result = passes.first;
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
   const double selected = static_cast<double>(result.voxels.size()) / std::pow(result.volume, 3);
   Scores poses;
   poses.seconds = took.count();
-  poses.gaussians = static_cast<double>((config_.has_fine() ? result.final : result.coarse).count());
+  poses.gaussians = static_cast<double>((config_.has_fine() ? passes.final : passes.coarse).count);
   if (noisy) {
     const PoseErrors off = pose_errors(cameras, listed);
     poses.pose_degrees = off.degrees, poses.pose_distance = off.distance;
@@ -160,13 +161,13 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   const std::optional<std::array<float, 3>> mirror = network_.drawing().mirror;
   const std::optional<Detail> detail = detail_of(listed, Eigen::Vector3d::Zero());
-  const auto drawn = [&](const DeviceGaussians& gaussians) {
-    return render_all(gaussians, object, static_cast<float>(kNearInObject), mirror, detail);
+  const auto drawn = [&](const Gaussians& gaussians) {
+    return render_all(upload(ctx_, gaussians), object, static_cast<float>(kNearInObject), mirror, detail);
   };
-  const Strip coarse = drawn(result.coarse);
+  const Strip coarse = drawn(passes.coarse);
   // Without a selected voxel there is nothing to fit.
-  if (options_.refine && result.final.count() > 0) return {truth, coarse, render_refined(object), poses, selected};
-  return {truth, coarse, config_.has_fine() ? drawn(result.final) : coarse, poses, selected};
+  if (options_.refine && passes.final.count > 0) return {truth, coarse, render_refined(object), poses, selected};
+  return {truth, coarse, config_.has_fine() ? drawn(passes.final) : coarse, poses, selected};
 }
 
 Scores Evaluator::score(const EvaluationObject& object) const {

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <utility>
 
+#include "model/base/merged_gaussians.h"
 #include "model/base/resample.h"
 #include "model/base/scene_edit.h"
 #include "model/fit/beside_cube.h"
 #include "model/fit/fit_checkpoint.h"
-#include "model/fit/merged_gaussians.h"
 #include "model/fit/outliers.h"
 #include "model/fit/scene_fit_impl.h"
 #include "model/views/view_choice.h"

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <memory>
 
+#include "model/base/merged_gaussians.h"
 #include "model/base/rng.h"
 #include "model/base/scene_edit.h"
 #include "model/base/statistics.h"
 #include "model/fit/fit_pictures.h"
 #include "model/fit/fit_start.h"
-#include "model/fit/merged_gaussians.h"
 #include "runtime/log.h"
 
 namespace vsplat {

@@ -3,16 +3,18 @@
 #include <nlohmann/json.hpp>
 
 #include "model/reconstruct/dump.h"
+#include "model/reconstruct/passes.h"
 #include "model/reconstruct/selection_check.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/option.h"
 
 namespace vsplat {
 
 namespace {
 
-Tensor upload_pictures(Context& ctx, const std::vector<PreparedView>& views, int edge) {
+std::vector<float> values_of(const std::vector<PreparedView>& views, int edge) {
   std::vector<float> values;
   values.reserve(views.size() * static_cast<std::size_t>(edge) * edge * 3);
   for (const PreparedView& view : views) {
@@ -22,7 +24,7 @@ Tensor upload_pictures(Context& ctx, const std::vector<PreparedView>& views, int
            image.width, image.height, image.channels, edge, edge);
     values.insert(values.end(), image.data.begin(), image.data.end());
   }
-  return ctx.upload({static_cast<long>(views.size()), edge, edge, 3}, values, Type::f32, "pictures");
+  return values;
 }
 
 void add_inputs(Dump& dump, const PlacedViews& placed) {
@@ -64,13 +66,21 @@ Reconstruction reconstruct(Context& ctx, const Network& network, const std::vect
     forward.tap = dump.tap(ctx);
     add_inputs(dump, placed);
   }
+  PassOptions passes{options.passes.value_or(taken.passes), options.merge_cell.value_or(taken.merge_cell)};
+  if (const bool one = dumps || options.forward.selection; one && options.passes.value_or(1) > 1)
+    fail(Status::usage, "{} is {}: a selection and a dump are those of one pass", Option::passes, *options.passes);
+  else if (one)
+    passes.count = 1;
+  if (passes.count > 1 && taken.rebase != "rotate")
+    fail(Status::usage, "{} is {}: 1 expected, since this model's frame moves with the reference (its rebase is {})",
+         Option::passes, passes.count, taken.rebase);
   Reconstruction out;
   {
-    const Tensor pictures = upload_pictures(ctx, views, taken.image);
-    if (dumps) dump.add("input.images", pictures.shape(), ctx.read<float>(pictures));
-    Network::Result made = network.forward(ctx, pictures, placed.cameras, forward);
-    out.selected = std::move(made.voxels);
-    out.scene.gaussians = download(ctx, made.final);
+    const std::vector<float> pictures = values_of(views, taken.image);
+    if (dumps) dump.add("input.images", {static_cast<long>(views.size()), taken.image, taken.image, 3}, pictures);
+    Passes made = forward_passes(ctx, network, pictures, placed.cameras, passes, forward);
+    out.selected = std::move(made.first.voxels);
+    out.scene.gaussians = std::move(made.final);
   }
   ctx.finish();
   out.scene.near = static_cast<float>(kNearInObject);

@@ -56,6 +56,7 @@ void each_field(C& c, Visit visit) {
   visit("frozen", c.frozen);
   visit("inputs_min", c.inputs_min);
   visit("inputs_max", c.inputs_max);
+  visit("first_listed", c.first_listed);
   visit("novel", c.novel);
   visit("random_background", c.random_background);
   visit("fit", c.crop);
@@ -131,6 +132,7 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   const long fewest = own && own->predicts_poses() ? 2 : 1;
   is.within("inputs_max", c.inputs_max, fewest, c.model.taken().most);
   is.within("inputs_min", c.inputs_min, fewest, c.inputs_max);
+  is.in("first_listed", c.first_listed, c.first_listed >= 0 && c.first_listed <= 1, "0 to 1");
   is.within("novel", c.novel, 0, 64);
   is.one_of("fit", c.crop, {"auto", "object", "crop", "pad"});
   is.in("half_size", c.half_size, c.half_size >= 0 && c.half_size <= 1, "0 to 1");

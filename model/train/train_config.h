@@ -45,6 +45,7 @@ struct TrainConfig {
 
   // Views of an object. The number of input views is drawn for each object, from inputs_min to inputs_max.
   long inputs_min = 4, inputs_max = 4;
+  double first_listed = 0;        // share of objects whose inputs are the first of their groups, as `evaluate` has them
   long novel = 4;                 // further views, in the loss only
   bool random_background = true;  // novel views over white, grey or black, drawn for each object; else over white
   std::string crop = "auto";      // "fit" in a file, how pictures are cropped: auto, object, crop, pad

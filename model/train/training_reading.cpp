@@ -24,6 +24,7 @@ TrainingOptions training_reading(const TrainConfig& config, const TrainOptions& 
   out.batch = static_cast<int>(config.batch * config.accumulate);
   out.min_inputs = static_cast<int>(config.inputs_min);
   out.max_inputs = static_cast<int>(config.inputs_max);
+  out.first_listed = config.first_listed;
   out.novel = static_cast<int>(config.novel);
   out.random_background = config.random_background;
   out.alpha = config.alpha_weight > 0;

@@ -113,6 +113,34 @@ class Model(support.Case):
         self.succeeds("weights", "convert", own, "--dtype", "f32", "--output", self.path("kept.safetensors"))
         self.assertEqual(self.info(self.path("kept.safetensors"))["config"]["use_views"], 7)
 
+    def test_how_many_passes_a_model_takes_is_its_own(self):
+        own = self.path("own.safetensors")
+        self.succeeds("weights", "convert", self.model, "--dtype", "f32", "--passes", 2, "--merge-cell", 0.5, "--output", own)
+        self.assertEqual(self.info(own)["config"], {**self.info(self.model)["config"], "passes": 2, "merge_cell": 0.5})
+        kept = self.path("kept.safetensors")
+        self.succeeds("weights", "convert", own, "--dtype", "f32", "--merge-cell", 1, "--output", kept)
+        self.assertEqual(self.info(kept)["config"], {**self.info(own)["config"], "merge_cell": 1.0})
+
+        def made(model, *more):
+            out, err = self.succeeds("reconstruct", self.views, "--model", model, "--output", self.path("x.ply"), "--overwrite", "--json", *more)
+            return json.loads(out), err
+
+        (one, err), (two, says) = made(self.model), made(own)
+        self.assertEqual((one["passes"], two["passes"]), (1, 2))
+        self.assertRegex(err, r"Gaussians from \d+ selected voxels")
+        self.assertRegex(says, r"Gaussians from 2 passes \(\d+ voxels selected in the first\)")
+        self.assertLess(two["gaussians"], one["gaussians"])
+        self.assertEqual(made(own, "--passes", 1, "--merge-cell", "none")[0]["gaussians"], one["gaussians"])
+        self.assertEqual(made(self.model, "--passes", 16)[0]["passes"], one["views"])
+        self.assertEqual(made(own, "--dump", self.path("stages"))[0]["passes"], 1)
+        for wrong in ("0", "17", "-1", "2.5", "all"):
+            self.refuses(2, "--passes", *self.reconstruct("--passes", wrong))
+        for wrong in ("0", "-1", "17", "nan", "all"):
+            self.refuses(2, "--merge-cell", *self.reconstruct("--merge-cell", wrong))
+        self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path("y.ply"), "--write-selection", self.path("s.txt"))
+        self.refuses(2, ["--passes", "2"], *self.reconstruct("--passes", 2, "--selection", self.path("s.txt")))
+        self.refuses(2, ["--passes", "2"], *self.reconstruct("--passes", 2, "--dump", self.path("d")))
+
     def test_view_counts_that_cannot_be(self):
         for count in ("0", "17", "-1", "4.5", "all"):
             self.refuses(2, "--view-count", *self.reconstruct("--view-count", count))

@@ -21,6 +21,8 @@ static void each(C& c, Visit visit) {
   visit("image", c.image);
   visit("views", c.views);
   visit("use_views", c.use_views);
+  visit("passes", c.passes);
+  visit("merge_cell", c.merge_cell);
   visit("patch", c.patch);
   visit("vit_dim", c.vit_dim);
   visit("vit_depth", c.vit_depth);
@@ -228,6 +230,9 @@ void check(const Config& c, Status status) {
   is.need(c.sh_degree >= 0 && c.sh_degree <= 3, "sh_degree must be 0 to 3", c.sh_degree);
   is.need(c.views >= 1 && c.views <= 16, "views must be 1 to 16", c.views);
   is.need(c.use_views >= 0 && c.use_views <= 16, "use_views must be 0, for as many as views, to 16", c.use_views);
+  is.need(c.passes >= 1 && c.passes <= 16, "passes must be 1 to 16", c.passes);
+  is.need(c.passes == 1 || c.rebase == "rotate", "passes must be 1 unless rebase is rotate", c.passes);
+  is.need(c.merge_cell >= 0 && c.merge_cell <= 16, "merge_cell must be 0, for none, to 16", c.merge_cell);
   is.need(c.refine_out_kernel == 1 || c.refine_out_kernel == 3, "refine_out_kernel must be 1 or 3",
           c.refine_out_kernel);
   is.one_of("levels", c.levels, {"fine", "skeletal", "coarse"});
@@ -250,7 +255,8 @@ Config with_fields(Config config, const std::vector<std::string>& assignments) {
 std::string to_json(const Config& config) {
   nlohmann::ordered_json out = field_list::object_of(config);
   // Omits newer fields with default values, so that files do not change and older versions can read them.
-  if (config.use_views == 0) out.erase("use_views");
+  for (const char* field : {"use_views", "passes", "merge_cell"})
+    if (differing_fields(config, Config(), {field}).empty()) out.erase(field);
   for (const std::string& field : without_meaning(config))
     if (differing_fields(config, Config(), {field}).empty()) out.erase(field);
   return field_list::text_of(out);

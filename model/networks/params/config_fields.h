@@ -27,6 +27,9 @@ struct Config {
   int views = 4;    // number of views in training and evaluation; the network takes 1 to 16
   // Views that a reconstruction picks if more are available, as measured by the model's authors; 0: `views`.
   int use_views = 0;
+  // Forward passes of a reconstruction, each with another view as the reference; 1 to 16. Their Gaussians are joined.
+  int passes = 1;
+  double merge_cell = 0;  // in voxels: a reconstruction's Gaussians that share a cell of this edge become one; 0: none
   int patch = 16;
   int vit_dim = 768;
   int vit_depth = 12;
@@ -81,7 +84,7 @@ struct Config {
   int views_to_use() const { return use_views > 0 ? use_views : views; }
   bool predicts_poses() const { return poses == "predicted"; }
   int most_views() const { return predicts_poses() ? share_max_views : 16; }
-  TakenViews taken() const { return {image, views, views_to_use(), most_views(), rebase}; }
+  TakenViews taken() const { return {image, views, views_to_use(), most_views(), rebase, passes, merge_cell, volume}; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int tokens() const { return encoder_sizes().tokens(); }  // along an edge
   EncoderSizes encoder_sizes() const {

@@ -42,7 +42,7 @@ struct LaraConfig {
   std::string rebase = "move";    // rotate, move: as in its training
 
   int tokens() const { return encoder_sizes().tokens(); }
-  TakenViews taken() const { return {image, views, views, view_slots, rebase}; }
+  TakenViews taken() const { return {image, views, views, view_slots, rebase, 1, 0, grid()}; }
   EncoderSizes encoder_sizes() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int scales() const { return kind == "surfel" ? 2 : 3; }

@@ -301,7 +301,7 @@ static void main_job(vsplat_device device) {
 static void view_counts(void) {
   static float pixels[side * side * 3];
   vsplat_model_options model_options = VSPLAT_MODEL_OPTIONS_INIT;
-  vsplat_model model = NULL, one = NULL;
+  vsplat_model model = NULL, one = NULL, passing = NULL;
   vsplat_model_info model_info = VSPLAT_MODEL_INFO_INIT;
   vsplat_views views = make_views(pixels);
   vsplat_input input = NULL;
@@ -319,6 +319,14 @@ static void view_counts(void) {
   EXPECT(VSPLAT_OK, vsplat_model_with_use_views(model, 1, &one));
   EXPECT(VSPLAT_OK, vsplat_model_get_info(one, &model_info));
   HOLD(model_info.views == 2 && model_info.use_views == 1);
+  HOLD(model_info.passes == 1 && model_info.merge_cell == 0);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 0, 1, &passing));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 2, -1, &passing));
+  HOLD(!passing);
+  EXPECT(VSPLAT_OK, vsplat_model_with_passes(one, 2, 0.5, &passing));
+  EXPECT(VSPLAT_OK, vsplat_model_get_info(passing, &model_info));
+  HOLD(model_info.use_views == 1 && model_info.passes == 2 && model_info.merge_cell == 0.5);
+  vsplat_model_release(passing);
   EXPECT(VSPLAT_OK, vsplat_input_prepare(one, views, NULL, &input));
   EXPECT(VSPLAT_OK, vsplat_input_get_info(input, &info));
   HOLD(info.views == 1);

@@ -368,7 +368,7 @@ TEST(DrawViews, TakesOneOfEachGroupAndNoneTwice) {
   std::set<int> reference, drawn;
   Random random(1, 2, draw_stream);
   for (int i = 0; i < 200; ++i) {
-    const DrawnViews views = draw_views(positions, excluded, 4, 4, random);
+    const DrawnViews views = draw_views(positions, excluded, 4, 4, false, random);
     for (const std::vector<int>* four : {&views.inputs, &views.novel}) {
       std::set<int> heaps;
       for (const int v : *four) heaps.insert(v / 3);
@@ -385,16 +385,50 @@ TEST(DrawViews, TakesOneOfEachGroupAndNoneTwice) {
   EXPECT_EQ(reference.size(), 11u) << "as the reference, too";
 }
 
+TEST(DrawViews, TakesTheFirstListedOfEachGroup) {
+  std::vector<Vector3d> positions;  // four clusters of 6
+  for (const Vector3d& heap : {Vector3d(5, 0, 0), Vector3d(-5, 0, 0), Vector3d(0, 5, 0), Vector3d(0, 0, 5)})
+    for (int i = 0; i < 6; ++i) positions.push_back(heap + Vector3d(0.1 * i, 0.05 * i * i, 0));
+  std::vector<bool> excluded(24, false);
+  excluded[6] = true;
+  std::vector<int> times(24, 0), references(4, 0);
+  Random random(1, 2, draw_stream);
+  for (int i = 0; i < 400; ++i) {
+    const DrawnViews views = draw_views(positions, excluded, 4, 4, true, random);
+    ASSERT_EQ(views.inputs.size(), 4u);
+    ASSERT_EQ(views.novel.size(), 4u);
+    std::set<int> all(views.inputs.begin(), views.inputs.end());
+    all.insert(views.novel.begin(), views.novel.end());
+    EXPECT_EQ(all.size(), 8u);
+    for (const int v : views.inputs) ++times[static_cast<std::size_t>(v)];
+    ++references[static_cast<std::size_t>(views.inputs[0] / 6)];
+  }
+  EXPECT_EQ(times[6], 0);
+  for (const int heap : {0, 12, 18}) {  // half of the time the first is among the half, else the second, ...
+    EXPECT_GT(times[static_cast<std::size_t>(heap)], 140);
+    EXPECT_GT(times[static_cast<std::size_t>(heap)], times[static_cast<std::size_t>(heap + 1)]);
+    EXPECT_GT(times[static_cast<std::size_t>(heap + 1)], times[static_cast<std::size_t>(heap + 3)]);
+  }
+  for (const int count : references) EXPECT_GT(count, 60) << "any of them may be the reference";
+}
+
 TEST(DrawViews, MakesDoWithFewViews) {
+  for (const int inputs : {1, 2, 4, 5}) {
+    Random random(1, 2, draw_stream);
+    const std::vector<Vector3d> places = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}};
+    const DrawnViews views = draw_views(places, std::vector<bool>(5, false), inputs, 2, true, random);
+    EXPECT_EQ(std::set<int>(views.inputs.begin(), views.inputs.end()).size(), static_cast<std::size_t>(inputs));
+  }
+
   Random random(1, 2, draw_stream);
   std::vector<Vector3d> positions = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}};
-  DrawnViews views = draw_views(positions, std::vector<bool>(5, false), 4, 4, random);
+  DrawnViews views = draw_views(positions, std::vector<bool>(5, false), 4, 4, false, random);
   EXPECT_EQ(std::set<int>(views.inputs.begin(), views.inputs.end()).size(), 4u);
   ASSERT_EQ(views.novel.size(), 4u);
   EXPECT_EQ(std::count(views.inputs.begin(), views.inputs.end(), views.novel[0]), 0) << "the one that is left is first";
-  EXPECT_TRUE(draw_views(positions, {true, true, false, false, false}, 4, 4, random).inputs.empty());
+  EXPECT_TRUE(draw_views(positions, {true, true, false, false, false}, 4, 4, false, random).inputs.empty());
   positions.assign(6, Vector3d(1, 2, 3));  // one place, one group
-  views = draw_views(positions, std::vector<bool>(6, false), 4, 2, random);
+  views = draw_views(positions, std::vector<bool>(6, false), 4, 2, false, random);
   EXPECT_EQ(std::set<int>(views.inputs.begin(), views.inputs.end()).size(), 4u);
   EXPECT_EQ(views.novel.size(), 2u);
 }

@@ -53,8 +53,9 @@ VSPLAT_FLAVOURS(EvaluateTest);
 
 // Computes the same as `reconstruct` and `render` do: a scene in the user's world, drawn from listed cameras.
 // `compared_size`: edge of the compared pictures; 0: the model's. `masked`: whether the pictures have alpha.
-void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int compared_size, bool masked = true) {
-  const Model model(ctx);
+void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int compared_size, bool masked = true,
+                                  const std::vector<std::string>& fields = {}) {
+  const Model model(ctx, fields);
   EvaluateOptions asked;
   asked.request.compared_size = compared_size;
   asked.request.crop = masked ? Crop::automatic : Crop::pad;
@@ -128,7 +129,10 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
   EXPECT_TRUE(std::isnan(got.mean.lpips_alex));
 }
 
-TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) { check_against_reconstructing(ctx(), folder_, 0); }
+TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) {
+  check_against_reconstructing(ctx(), folder_, 0);
+  check_against_reconstructing(ctx(), folder_, 0, true, {"passes=2", "merge_cell=0.5"});
+}
 
 // Areas beyond the border of an unmasked photograph are not compared.
 TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {

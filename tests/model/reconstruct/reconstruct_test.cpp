@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 
+#include "model/base/merged_gaussians.h"
+#include "model/base/scene_edit.h"
 #include "model/metrics/metrics.h"
 #include "model/render/render.h"
 #include "tests/support/compare.h"
@@ -84,6 +87,83 @@ TEST_P(Reconstruct, FollowsAMotionOfTheWholeRigAndNothingElse) {
       EXPECT_GE(agreement, 60) << rebase;
     }
   }
+}
+
+// Each pass as by hand: other views first, and all in one world.
+TEST_P(Reconstruct, JoinsPassesWithOtherReferences) {
+  const Golden golden = Golden::load("micro");
+  const auto network = make_network(ctx(), golden.config(), golden.weights());
+  const std::vector<PreparedView> views = golden_views(golden, some_motion());
+  const Placement placement{some_motion().translation, some_motion().scale};
+  ASSERT_EQ(views.size(), 2U);
+  const Reconstruction one = reconstruct(ctx(), *network, views, placement, {}),
+                       other = reconstruct(ctx(), *network, {views[1], views[0]}, placement, {});
+  ASSERT_NE(one.scene.gaussians.means, other.scene.gaussians.means);
+  const Gaussians expected = mean_of({one.scene.gaussians, other.scene.gaussians});
+  ReconstructOptions options;
+  std::vector<double> shares;
+  options.forward.progress = [&](const std::string&, double done) { shares.push_back(done); };
+  for (const int passes : {2, 16}) {  // no more than there are views
+    options.passes = passes;
+    shares.clear();
+    const Reconstruction got = reconstruct(ctx(), *network, views, placement, options);
+    EXPECT_EQ(got.selected, one.selected);
+    ASSERT_EQ(got.scene.gaussians.count, expected.count);
+    EXPECT_TRUE(test::close(got.scene.gaussians.means, expected.means, 1e-5));
+    EXPECT_TRUE(test::close(got.scene.gaussians.scales, expected.scales, 1e-5));
+    EXPECT_TRUE(test::close(got.scene.gaussians.opacities, expected.opacities, 1e-5));
+    EXPECT_TRUE(test::close(got.scene.gaussians.sh, expected.sh, 1e-4));
+    EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+    EXPECT_LE(shares.back(), 1);
+    const std::size_t each = shares.size() / 2;
+    for (std::size_t i = 0; i < each; ++i) EXPECT_NEAR(shares[each + i], 0.5 + shares[i], 1e-12);
+  }
+}
+
+// In the frame of the first view, without what is left faint.
+TEST_P(Reconstruct, MergesWhatSharesACell) {
+  const Golden golden = Golden::load("micro");
+  const auto network = make_network(ctx(), golden.config(), golden.weights());
+  const std::vector<PreparedView> views = golden_views(golden, {});  // the object's frame is the world
+  ReconstructOptions options;
+  options.passes = 2;
+  const Gaussians all = reconstruct(ctx(), *network, views, {}, options).scene.gaussians;
+  for (const double cell : {0.5, 1.0}) {
+    Gaussians expected = merged_in_cells(all, cell / golden.config().volume);
+    keep(expected, [&](std::size_t k) { return expected.opacities[k] >= 0.02f; });
+    options.merge_cell = cell;
+    const Gaussians got = reconstruct(ctx(), *network, views, {}, options).scene.gaussians;
+    EXPECT_LT(got.count, all.count);
+    ASSERT_EQ(got.count, expected.count);
+    EXPECT_TRUE(test::close(got.means, expected.means, 1e-4));
+    EXPECT_TRUE(test::close(got.opacities, expected.opacities, 1e-4));
+  }
+}
+
+TEST_P(Reconstruct, TakesPassesFromTheModelAndRefusesThemWhereThereCanBeOne) {
+  const Golden golden = Golden::load("micro");
+  Config config = golden.config();
+  config.passes = 2;
+  config.merge_cell = 1;
+  const auto network = make_network(ctx(), config, golden.weights());
+  const std::vector<PreparedView> views = golden_views(golden, {});
+  ReconstructOptions options;
+  options.passes = 2, options.merge_cell = 1;
+  const Reconstruction by_model = reconstruct(ctx(), *network, views, {}, {}),
+                       asked = reconstruct(ctx(), *network, views, {}, options);
+  EXPECT_EQ(by_model.scene.gaussians.means, asked.scene.gaussians.means);
+  options.merge_cell = 0, options.passes = 1;
+  const Reconstruction one = reconstruct(ctx(), *network, views, {}, options);
+  EXPECT_GT(one.scene.gaussians.count, by_model.scene.gaussians.count);
+  options.passes.reset();
+  options.forward.selection = &one.selected;
+  EXPECT_EQ(reconstruct(ctx(), *network, views, {}, options).scene.gaussians.means, one.scene.gaussians.means);
+  options.passes = 2;
+  EXPECT_THROW(reconstruct(ctx(), *network, views, {}, options), Error);
+  Config moved = golden.config();
+  moved.rebase = "move";
+  options.forward.selection = nullptr;
+  EXPECT_THROW(reconstruct(ctx(), *make_network(ctx(), moved, golden.weights()), views, {}, options), Error);
 }
 
 TEST_P(Reconstruct, DumpsEveryStageUnderItsGoldenName) {

@@ -40,6 +40,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"alpha_weight", 0.0},
                          {"sparsity_weight", 0.0},
                          {"fine_after", 0},
+                         {"first_listed", 0.0},
                          {"surface_after", 0},
                          {"distortion_weight", 0.0},
                          {"normal_weight", 0.0},

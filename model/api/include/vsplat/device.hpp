@@ -140,6 +140,12 @@ class Model : public ModelHandle {
     check(vsplat_model_with_use_views(get(), use_views, &out));
     return Model(out);
   }
+  // Returns the same model with other defaults of a reconstruction, as vsplat_model_with_passes.
+  Model with_passes(int32_t passes, double merge_cell) const {
+    vsplat_model out = nullptr;
+    check(vsplat_model_with_passes(get(), passes, merge_cell, &out));
+    return Model(out);
+  }
   vsplat_model_info info() const {
     vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
     check(vsplat_model_get_info(get(), &out));

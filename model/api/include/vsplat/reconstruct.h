@@ -29,15 +29,19 @@ typedef struct vsplat_reconstruct_options {
   double assume_selected;
   vsplat_progress_function progress; /* may be NULL */
   void* user;
-  double up[3]; /* up direction in the world, stored in the scene; 0, 0, 0: the input's (vsplat_input_info) */
+  double up[3];   /* up direction in the world, stored in the scene; 0, 0, 0: the input's (vsplat_input_info) */
+  int32_t passes; /* forward passes, each with another view as the reference, 1 to 16, at most one for each view;
+                     0: the model's (vsplat_model_info), or 1 with a selection or a dump */
+  /* Gaussians whose centres share a cell of this edge become one; in voxels, at most 16. 0: the model's; below 0: all
+     stay. Surfels always stay. */
+  double merge_cell;
 } vsplat_reconstruct_options;
-#define VSPLAT_RECONSTRUCT_OPTIONS_INIT                                                              \
-  {                                                                                                  \
-    sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL, { 0, 0, 0 } \
-  }
+#define VSPLAT_RECONSTRUCT_OPTIONS_INIT \
+  { sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL, {0, 0, 0}, 0, 0.0 }
 
-/* Runs one forward pass. The scene is in the frame of the input's cameras. If no voxel is selected, the scene is empty;
-   this is not an error. The model's weights stay on the device until the model or the device is freed. `options` NULL:
+/* Runs the network. The scene is in the frame of the input's cameras. Several passes err differently, so that their
+   mean is better than each: the scene holds the Gaussians of all, with opacities that show that mean, and merged if that
+   is asked for. If no voxel is selected, the scene is empty; this is not an error. The model's weights stay on the device until the model or the device is freed. `options` NULL:
    defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model,
                                                              vsplat_input input,

@@ -49,6 +49,24 @@ TEST(Config, ViewsToUseAreThoseItIsTrainedWithUnlessItSays) {
   }
 }
 
+TEST(Config, PassesAndCellsAreThoseOfReconstructions) {
+  Config config;
+  for (const char* field : {"passes", "merge_cell"}) EXPECT_EQ(to_json(config).find(field), std::string::npos) << field;
+  config.passes = 4, config.merge_cell = 1.25;
+  EXPECT_EQ(config_from_json(to_json(config)), config);
+  EXPECT_EQ(config.taken().passes, 4);
+  EXPECT_EQ(config.taken().cells, config.volume);
+  const auto refused = [&](const char* field, auto& value, auto wrong) {
+    const auto before = value;
+    value = wrong;
+    EXPECT_NE(refusal([&] { check(config); }, Status::usage).find(field), std::string::npos) << field << wrong;
+    value = before;
+  };
+  for (const int wrong : {-1, 0, 17}) refused("passes", config.passes, wrong);
+  for (const double wrong : {-0.1, 16.1, std::nan("")}) refused("merge_cell", config.merge_cell, wrong);
+  refused("rebase", config.rebase, std::string("move"));
+}
+
 // Fields of absent components are not written, since older readers do not know them.
 TEST(Config, ExtensionsAreWrittenWhereTheyAreThere) {
   for (const char* part : {"encoder", "vit_r", "vit_q", "poses", "share"})
