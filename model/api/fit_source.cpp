@@ -212,7 +212,7 @@ FitSource object_source(vsplat_device device, const Photographs& photographs, co
       made.named = std::move(object.named);
       out.make = std::move(object.make);
       out.independent = true;
-      out.dense = true;
+      out.predicted = true;
       return made;
     }
     case VSPLAT_FIT_POINTS: {

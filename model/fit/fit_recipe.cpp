@@ -27,9 +27,11 @@ long steps_of(FitQuality quality) {
 }
 
 // Without growth. The learning rates do not depend on the number of steps, which is not known yet. Dropping Gaussians
-// helps a little.
-FitRecipe for_few() {
+// helps a little. A few views seldom show what is opaque: if the network's opacities stay, fits of four end 0.4 dB
+// higher, and more steps lose nothing.
+FitRecipe for_few(bool predicted) {
   FitRecipe out;
+  if (predicted) out.options.rates.logits = 0;
   out.steps = 200;
   out.measure_every = 25;
   out.options.grow_every = 0;
@@ -111,11 +113,11 @@ void grow_to(FitRecipe& recipe, long most, long count) {
   o.growth = std::pow(static_cast<double>(most) / static_cast<double>(count), 1 / rounds);
 }
 
-FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count) {
+FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count, bool predicted) {
   const bool many = request.whole || views >= kManyViews;
   FitRecipe out = request.whole ? for_whole(request, shown.pixels, count)
                   : many        ? for_many(request.quality, shown.pixels, count)
-                                : for_few();
+                                : for_few(predicted && request.freeze == FitFreeze{});
   FitOptions& o = out.options;
   if (request.steps > 0) out.steps = request.steps;
   if (request.whole) {

@@ -169,9 +169,10 @@ void SceneFit::Impl::begin_phase() {
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
   const ShownObject shown = shown_object(now.views);
-  if (given.dense && used.size() >= kManyViews)
+  if (given.predicted && used.size() >= kManyViews)
     scene.gaussians = merged_gaussians(scene.gaussians, merged_count(request, shown.pixels));
-  recipe = fit_recipe(request, static_cast<long>(used.size()), shown, static_cast<long>(scene.gaussians.count));
+  recipe = fit_recipe(request, static_cast<long>(used.size()), shown, static_cast<long>(scene.gaussians.count),
+                      given.predicted);
   recipe.options.antialias = scene.antialias;
   recipe.options.sky = sky_sphere();
   degree = request.degree.value_or(std::max(scene.gaussians.drawn_degree(), recipe.least_degree));

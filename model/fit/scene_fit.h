@@ -28,6 +28,8 @@ struct FitHoldout {
 // Parameters that stay frozen.
 struct FitFreeze {
   bool means = false, scales = false, rotations = false, opacities = false, sh = false;
+
+  bool operator==(const FitFreeze&) const = default;
 };
 
 // Presets of the number of steps and the size of the pictures.
@@ -69,8 +71,9 @@ struct FitStart {
   std::function<Scene(const std::vector<int>& views)> make;
   // Whether such a scene has seen nothing of the other views, so that an improvement on those is a real one.
   bool independent = false;
-  // Whether the scene may have more Gaussians than pictures can show; with many views they are merged to fewer.
-  bool dense = false;
+  // Whether the scene is a network's, which may have more Gaussians than pictures can show; with many views they are
+  // merged to fewer.
+  bool predicted = false;
   double cube = 1;  // edge of the object's cube about the centre, in units of the frame
 };
 

@@ -60,6 +60,19 @@ TEST(FitRecipe, LongFitsOfObjectsEndAtRest) {
   EXPECT_EQ(fit_recipe({}, 4, {2000}, 200).least_degree, 0);
 }
 
+// Unless the user freezes anything: then nothing else is.
+TEST(FitRecipe, FewViewsLeaveOpacitiesOfANetworkAsTheyAre) {
+  const FitRecipe predicted = fit_recipe({}, 11, {2000}, 200, true), listed = fit_recipe({}, 11, {2000}, 200, false);
+  EXPECT_EQ(predicted.options.rates.logits, 0);
+  EXPECT_GT(predicted.options.rates.sh, 0);
+  EXPECT_GT(predicted.options.rates.means, 0);
+  EXPECT_GT(listed.options.rates.logits, 0);
+  EXPECT_GT(fit_recipe({}, 12, {2000}, 200, true).options.rates.logits, 0);
+  FitRequest request;
+  request.freeze.means = request.freeze.scales = request.freeze.rotations = request.freeze.sh = true;
+  EXPECT_GT(fit_recipe(request, 4, {2000}, 200, true).options.rates.logits, 0);
+}
+
 // A cube that is ten times too large cost 0.5 dB: positions moved ten times as far in a step.
 TEST(FitRecipe, LengthsFollowTheObjectWhereItsCubeIsTooLarge) {
   FitRequest request;

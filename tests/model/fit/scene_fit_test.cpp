@@ -118,7 +118,7 @@ TEST_F(SceneFitTest, ADenseStartIsMergedIfThereAreManyViews) {
   request.steps = 1;
   const auto begun_with = [&](bool dense) {
     FitStart from = start();
-    from.dense = dense;
+    from.predicted = dense;
     return SceneFit(ctx(), photographs_, from, request).progress().gaussians;
   };
   EXPECT_EQ(begun_with(false), 3000);
