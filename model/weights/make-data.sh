@@ -1,6 +1,6 @@
 #!/bin/sh
-# Draws the pictures that the shipped model is trained on, OUTPUT/train and, larger, OUTPUT/train192, and the pictures that it is evaluated on,
-# OUTPUT/test and, larger, OUTPUT/test256, with the same bytes as for that model. README.md in this folder describes the folders of $VSPLAT_DATA
+# Draws the pictures that the shipped model is trained on, OUTPUT/train and, larger, OUTPUT/train192 and OUTPUT/train256, and those that it is
+# evaluated on, OUTPUT/test and, larger, OUTPUT/test256, with the same bytes as for that model. README.md in this folder describes the folders of $VSPLAT_DATA
 # and their sources.
 #   VSPLAT_DATA=DIR model/weights/make-data.sh OUTPUT
 # VSPLAT names the program; default: build/release/bin/vsplat.
@@ -61,3 +61,33 @@ for k in 0 1 2 3; do
   done
 done
 "$vsplat" dataset procedural --count 300 --solids --output "$out/train/procedural" --views 32 --size 128 --seed 11
+
+# For runs 17 and 18: every textured object but those that measure or choose, and two that look like one of them; flat-coloured ones also with
+# patterns; each shape twice.
+one() {
+  set_name=$1 mesh=$2 seed=$3
+  shift 3
+  "$vsplat" dataset render "$mesh" --output "$out/train256/$set_name" --views 32 --size 256 --seed "$seed" "$@"
+}
+pattern_of() { echo "$patterns" | sed -n "$(($1 % count + 1))p"; }
+i=0 j=0
+for mesh in gso-textured/*/model.obj household/*/model.obj objects/*.glb objects2/*.glb; do
+  name=$(basename "$mesh" .glb)
+  case $mesh in */model.obj) name=$(basename "$(dirname "$mesh")") ;; esac
+  case $name in pc_egyptian_cat_statue | gz_cordless_drill) continue ;; esac
+  if cat "$here/held-out.txt" "$here/held-out-2.txt" "$here/choosing.txt" | grep -qxF "$name"; then continue; fi
+  i=$((i + 1))
+  one scans "$mesh" $((1000 + i))
+  case $name in
+    kk_* | gz_number* | gz_construction*)
+      j=$((j + 13))
+      one flat "$mesh" $((2000 + j)) --texture "$(pattern_of "$j")"
+      ;;
+  esac
+done
+for k in 0 1; do
+  for shape in gso-shapes/*/model.obj; do
+    j=$((j + 13))
+    one "shapes$k" "$shape" $((3000 + 1000 * k + j)) --texture "$(pattern_of "$j")"
+  done
+done
