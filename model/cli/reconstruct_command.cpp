@@ -114,9 +114,9 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
   print_plans(o.common, plans);
 }
 
-// How many passes a reconstruction runs.
-int32_t passes_of(const vsplat_reconstruct_options& run, const vsplat_model_info& model, int32_t views) {
-  if (run.selection || run.dump) return 1;
+// How many passes the result is made of: a dump is of one, but the start of a fit is made beside it.
+int32_t passes_of(const vsplat_reconstruct_options& run, const vsplat_model_info& model, int32_t views, bool fits) {
+  if (run.selection || (run.dump && !fits)) return 1;
   return std::min(run.passes ? run.passes : model.passes, views);
 }
 
@@ -278,7 +278,7 @@ void reconstruct(ReconstructOptions& o) {
   session.write_profile(outputs);
   outputs.commit();
   summarise(o, session, job, input, scene, file, page, shots.all.size(), comparison, request.fit,
-            passes_of(request.run, model.info(), input.info().views));
+            passes_of(request.run, model.info(), input.info().views, request.fit.has_value()));
 }
 
 void add_fit_after(CLI::App& sub, ReconstructOptions& o) {

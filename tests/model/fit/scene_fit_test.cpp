@@ -116,9 +116,9 @@ TEST_F(SceneFitTest, ADenseStartIsMergedIfThereAreManyViews) {
   for (float& opacity : g.opacities) opacity = 0.03f;
   FitRequest request;
   request.steps = 1;
-  const auto begun_with = [&](bool dense) {
+  const auto begun_with = [&](bool predicted) {
     FitStart from = start();
-    from.predicted = dense;
+    from.predicted = predicted;
     return SceneFit(ctx(), photographs_, from, request).progress().gaussians;
   };
   EXPECT_EQ(begun_with(false), 3000);

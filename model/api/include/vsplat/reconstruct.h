@@ -41,8 +41,8 @@ typedef struct vsplat_reconstruct_options {
 
 /* Runs the network. The scene is in the frame of the input's cameras. Several passes err differently, so that their
    mean is better than each: the scene holds the Gaussians of all, with opacities that show that mean, and merged if that
-   is asked for. If no voxel is selected, the scene is empty; this is not an error. The model's weights stay on the device until the model or the device is freed. `options` NULL:
-   defaults. */
+   is asked for. If no voxel is selected, the scene is empty; this is not an error. The model's weights stay on the
+   device until the model or the device is freed. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model,
                                                              vsplat_input input,
                                                              const vsplat_reconstruct_options* options,
