@@ -135,9 +135,9 @@ class Prediction {
     for (const int view : chosen) {
       LoadedPhotograph photograph(photographs_, view);
       names += (names.empty() ? "" : ", ") + photograph.listed().name;
-      FramedView framed = photograph.framed(framing);
-      cameras.push_back(framed.camera);
-      prepared.push_back({on_white(framed.image), std::move(framed.camera)});
+      const bool masked = photograph.is_masked();
+      prepared.push_back(on_white(photograph.framed(framing), masked));
+      cameras.push_back(prepared.back().camera);
     }
     verbose("the network gets {}", names);
     check_cube_is_in_front(place_views(cameras, placement_, config.rebase).cameras, placement_);

@@ -51,6 +51,7 @@ vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   out.use_views = config.views_to_use();
   out.passes = config.passes;
   out.merge_cell = config.merge_cell;
+  out.fit_epochs = config.fit_epochs;
   return out;
 }
 
@@ -241,13 +242,15 @@ vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,
   });
 }
 
-vsplat_status vsplat_model_with_passes(vsplat_model model, int32_t passes, double merge_cell, vsplat_model* out_model) {
+vsplat_status vsplat_model_with_passes(vsplat_model model, int32_t passes, double merge_cell, int32_t fit_epochs,
+                                       vsplat_model* out_model) {
   return guarded([&] {
     need(model, "model");
     need(out_model, "out_model");
     ModelFile file = vsplat_file(model);
     file.config.passes = passes;
     file.config.merge_cell = merge_cell;
+    file.config.fit_epochs = fit_epochs;
     check(file.config);
     *out_model = handle_of(std::move(file)).release();
   });

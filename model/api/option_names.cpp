@@ -40,6 +40,7 @@ constexpr CName c_names[] = {
     FIELD(views, vsplat_input_options, names),
 
     FIELD(assume_selected, vsplat_reconstruct_options, assume_selected),
+    FIELD(fit_epochs, vsplat_reconstruct_options, fit_epochs),
     FIELD(merge_cell, vsplat_reconstruct_options, merge_cell),
     FIELD(passes, vsplat_reconstruct_options, passes),
     FIELD(selection, vsplat_reconstruct_options, selection),

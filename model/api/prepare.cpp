@@ -5,6 +5,7 @@
 #include "model/api/device.h"
 #include "model/api/drawing.h"
 #include "model/api/selected.h"
+#include "model/reconstruct/inputs_fit.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -18,6 +19,8 @@ NotedKernels kernels_of(const Context& ctx, const Network& network, long views, 
   planner->collect(out);
   (void)network.plan(*planner, views, selected);
   plan_drawing(*planner, 1000, sh_degree, any_camera(512));
+  const TakenViews taken = network.config().taken();
+  if (taken.fit_epochs > 0) plan_inputs_fit(*planner, 1000, sh_degree, taken.image);
   return out;
 }
 
@@ -33,6 +36,11 @@ void launch_once(Context& ctx, const Network& network, long views, long selected
   if (config.as<Config>()) options.selection = &voxels;
   const Network::Result made = network.forward(ctx, ctx.upload({views, edge, edge, 3}, grey), cameras, options);
   (void)render(ctx, made.final, cameras.front(), network.drawing());
+  if (config.taken().fit_epochs > 0) {
+    Image picture(static_cast<int>(edge), static_cast<int>(edge), 3, 0.5f);
+    (void)fitted_to_inputs(ctx, download(ctx, made.final), {fit_picture(picture, {}, false, cameras.front())},
+                           {1, {}, {}});
+  }
   ctx.finish();
 }
 

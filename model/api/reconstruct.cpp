@@ -1,6 +1,8 @@
 // Reconstruction, and the memory it needs.
 #include "model/reconstruct/reconstruct.h"
 
+#include <algorithm>
+
 #include "model/api/device.h"
 #include "model/api/input.h"
 #include "model/api/model.h"
@@ -11,6 +13,7 @@
 #include "model/io/archive/selection_file.h"
 #include "model/networks/genden/densifier.h"
 #include "model/networks/params/systems.h"
+#include "model/reconstruct/inputs_fit.h"
 #include "runtime/fail.h"
 #include "runtime/option.h"
 
@@ -40,6 +43,19 @@ double host_bytes(int image, const Weights& weights, int views, long gaussians, 
   constexpr double values_of_gaussian = 59;  // with spherical harmonics of degree 3
   values += (1 + std::min(passes, views)) * values_of_gaussian * static_cast<double>(gaussians);
   return values * sizeof(float);
+}
+
+// The fit runs after the network, whose weights stay.
+void add_fit(const Context& ctx, long gaussians, int sh_degree, int image, MemoryPlan& plan) {
+  const auto planner = ctx.planner();
+  plan_inputs_fit(*planner, gaussians, sh_degree, image);
+  StageMemory stage{"fit", 0, 0};
+  for (const StageMemory& s : planner->stage_memory()) {
+    stage.peak_reserved = std::max(stage.peak_reserved, plan.weights + s.peak_reserved);
+    stage.peak_live = std::max(stage.peak_live, plan.weights + s.peak_live);
+  }
+  plan.stages.push_back(stage);
+  plan.peak = std::max(plan.peak, plan.weights + planner->memory().peak());
 }
 
 // Number of Gaussians that the network makes from so many selected voxels.
@@ -120,10 +136,17 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     const Weights& weights = weights_of(model);
     const long planned = selected_of(selected, VSPLAT_ASSUME_SELECTED, config, "selected");
     MemoryPlan plan;
-    const bool fits = fits_within([&] { plan = plan_network(ctx, config, weights, views, planned); });
-    const double host =
-        host_bytes(config.image(), weights, views, config.visit([&](const auto& c) { return made_of(c, planned); }),
-                   config.taken().passes);
+    const TakenViews taken = config.taken();
+    const long made = config.visit([&](const auto& c) { return made_of(c, planned); });
+    const bool fits = fits_within([&] {
+      plan = plan_network(ctx, config, weights, views, planned);
+      if (taken.fit_epochs > 0) {
+        const long gaussians = taken.merge_cell > 0 ? made : made * std::min(taken.passes, views);
+        const int degree = config.visit([](const auto& c) { return c.sh_degree; });
+        add_fit(ctx, gaussians, degree, taken.image, plan);
+      }
+    });
+    const double host = host_bytes(config.image(), weights, views, made, taken.passes);
     give(out_plan, plan_of(ctx, plan.stages, plan.peak, fits, host), "out_plan");
   });
 }

@@ -14,7 +14,8 @@ struct TakenViews {
   int passes = 1;      // forward passes of a reconstruction, each with another view as the reference
   // Edge of the cells in which a reconstruction's Gaussians become one, in voxels; 0: they stay.
   double merge_cell = 0;
-  int cells = 1;  // voxels along the cube's edge
+  int cells = 1;       // voxels along the cube's edge
+  int fit_epochs = 0;  // of the fit to the inputs that ends a reconstruction: in each, every input gets a step
 };
 
 }  // namespace vsplat

@@ -232,8 +232,7 @@ void add_scene_options(CLI::App& sub, FitOptions& o) {
       ->type_name("0..3")
       ->group(what);
   sub.add_option("--freeze", o.freeze,
-                 "Parameters that are not changed: some of means, scales, rotations, opacities, sh (default: none, but "
-                 "the opacities of a network's scene with fewer than 12 pictures)")
+                 "Parameters that are not changed: some of means, scales, rotations, opacities, sh (default: none)")
       ->type_name("NAME,...")
       ->group(what);
   sub.add_flag("--antialias", o.antialias,

@@ -51,6 +51,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_orbit_options, radius, "--orbit-radius"),
     FIELD(vsplat_orbit_options, up, "--up"),
     FIELD(vsplat_reconstruct_options, assume_selected, "--assume-selected"),
+    FIELD(vsplat_reconstruct_options, fit_epochs, "--fit-epochs"),
     FIELD(vsplat_reconstruct_options, merge_cell, "--merge-cell"),
     FIELD(vsplat_reconstruct_options, passes, "--passes"),
     FIELD(vsplat_reconstruct_options, seed, "--selection-seed"),

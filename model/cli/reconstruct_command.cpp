@@ -22,6 +22,7 @@ struct ReconstructOptions {
   std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
   std::string selection, selection_seed, assume_selected, merge_cell, viewer;
   int view_count = 0, passes = 0;  // 0: the model's
+  int fit_epochs = -1;             // below 0: the model's
   bool force = false, dry_run = false, refine = false;
   FitOptions fit;
   std::string list;
@@ -81,6 +82,7 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   if (!o.merge_cell.empty())
     run.merge_cell =
         o.merge_cell == "none" ? -1 : positive_number("--merge-cell", o.merge_cell, "edge in voxels, or none");
+  if (o.fit_epochs >= 0) run.fit_epochs = o.fit_epochs > 0 ? o.fit_epochs : -1;
   run.near_plane = pictures.near;
   if (pictures.orbit_options.has_up) std::copy_n(pictures.orbit_options.up, 3, run.up);
   run.dump = o.dump.empty() ? nullptr : o.dump.c_str();
@@ -114,29 +116,36 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
   print_plans(o.common, plans);
 }
 
-// How many passes the result is made of: a dump is of one, but the start of a fit is made beside it.
-int32_t passes_of(const vsplat_reconstruct_options& run, const vsplat_model_info& model, int32_t views, bool fits) {
-  if (run.selection || (run.dump && !fits)) return 1;
-  return std::min(run.passes ? run.passes : model.passes, views);
+// How the result is made: a dump is of one pass and the network alone, but the start of a fit is made beside it.
+struct MadeIn {
+  int32_t passes = 1, fit_epochs = 0;
+};
+MadeIn made_in(const vsplat_reconstruct_options& run, const vsplat_model_info& model, int32_t views, bool fits) {
+  if (run.dump && !fits) return {};
+  const int32_t epochs = std::max(run.fit_epochs ? run.fit_epochs : model.fit_epochs, 0);
+  return {run.selection ? 1 : std::min(run.passes ? run.passes : model.passes, views), epochs};
 }
 
 void summarise(const ReconstructOptions& o, const Session& session, const PictureJob& job, const vsplat::Input& input,
                const vsplat::Scene& scene, const SceneFile& file, const PageFile& page, std::size_t pictures,
-               const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit, int32_t passes) {
+               const std::optional<Comparison>& comparison, const std::optional<FitJob>& fit, MadeIn made) {
   const vsplat_scene_info info = scene.info();
   const std::size_t selected = (fit ? fit->start() : scene).selection().size();
   if (comparison) say(o.common, comparison->table());
   if (fit) fit->summarise(o.common);
-  const std::string from =
-      passes > 1 ? std::to_string(passes) + " passes (" + std::to_string(selected) + " voxels selected in the first)"
-                 : std::to_string(selected) + " selected voxels";
-  say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + from +
-                    (pictures ? ", " + job.summary(pictures) : "") + ", " + seconds_text(elapsed_seconds()));
+  const std::string from = made.passes > 1 ? std::to_string(made.passes) + " passes (" + std::to_string(selected) +
+                                                 " voxels selected in the first)"
+                                           : std::to_string(selected) + " selected voxels";
+  say(o.common,
+      o.output + ": " + std::to_string(info.count) + " Gaussians from " + from +
+          (made.fit_epochs ? ", fitted to the pictures in " + std::to_string(made.fit_epochs) + " epochs" : "") +
+          (pictures ? ", " + job.summary(pictures) : "") + ", " + seconds_text(elapsed_seconds()));
   if (!o.common.json) return;
   const vsplat_input_info placed = input.info();
   nlohmann::ordered_json out = {{"output", o.output},
                                 {"gaussians", info.count},
-                                {"passes", passes},
+                                {"passes", made.passes},
+                                {"fit_epochs", made.fit_epochs},
                                 {"selected", selected},
                                 {"views", placed.views},
                                 {"center", {placed.center[0], placed.center[1], placed.center[2]}},
@@ -278,7 +287,7 @@ void reconstruct(ReconstructOptions& o) {
   session.write_profile(outputs);
   outputs.commit();
   summarise(o, session, job, input, scene, file, page, shots.all.size(), comparison, request.fit,
-            passes_of(request.run, model.info(), input.info().views, request.fit.has_value()));
+            made_in(request.run, model.info(), input.info().views, request.fit.has_value()));
 }
 
 void add_fit_after(CLI::App& sub, ReconstructOptions& o) {
@@ -367,6 +376,11 @@ void add_reconstruct(CLI::App& app, Run& run) {
                   "Make one Gaussian of those whose centres share a cell of this edge, in voxels (default: merge_cell "
                   "of `vsplat weights info`)")
       ->type_name("E|none");
+  sub->add_option("--fit-epochs", o->fit_epochs,
+                  "Number of epochs that then fit the Gaussians to the network's pictures, 0 to 1000: in each, every "
+                  "picture gets a step (default: fit_epochs of `vsplat weights info`)")
+      ->check(CLI::Range(0, 1000).description(""))
+      ->type_name("N");
   add_view_options(*sub, o->picture_folder, o->pictures.skip_bad);
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Continue even if the cube seems to be behind or outside most views")

@@ -18,6 +18,7 @@ struct WeightsOptions {
   std::vector<std::string> fields;
   int view_count = 0, passes = 0;  // 0: unchanged
   double merge_cell = -1;          // below 0: unchanged
+  int fit_epochs = -1;             // likewise
 
   // As the C interface takes it: NULL for the built-in model.
   const char* path() const { return model.empty() ? nullptr : model.c_str(); }
@@ -120,9 +121,10 @@ void convert(const WeightsOptions& o) {
   outputs.expect(o.output);
   vsplat::Model model = load_model(o.model);
   if (o.view_count) model = model.with_use_views(o.view_count);
-  if (o.passes || o.merge_cell >= 0) {
+  if (o.passes || o.merge_cell >= 0 || o.fit_epochs >= 0) {
     const vsplat_model_info info = model.info();
-    model = model.with_passes(o.passes ? o.passes : info.passes, o.merge_cell >= 0 ? o.merge_cell : info.merge_cell);
+    model = model.with_passes(o.passes ? o.passes : info.passes, o.merge_cell >= 0 ? o.merge_cell : info.merge_cell,
+                              o.fit_epochs >= 0 ? o.fit_epochs : info.fit_epochs);
   }
   try {
     model.save(outputs.begin(o.output), o.dtype == "f16" ? VSPLAT_DTYPE_F16 : VSPLAT_DTYPE_F32);
@@ -202,6 +204,10 @@ void add_convert(CLI::App& parent, Run& run) {
                   "to 16; 0: none")
       ->check(CLI::Range(0.0, 16.0).description(""))
       ->type_name("E");
+  sub->add_option("--fit-epochs", o->fit_epochs,
+                  "Store in the file how many epochs reconstruct fits its result to the inputs by default, 0 to 1000")
+      ->check(CLI::Range(0, 1000).description(""))
+      ->type_name("N");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("FILE");
   sub->footer("Example:\n  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
 }

@@ -56,13 +56,16 @@ Image on_white(const StoredView& view) {
   return picture;
 }
 
-// EvaluationObject::shown of a view.
-Image shown(const StoredView& view) {
-  if (view.masked || view.opaque) return {};
+// PreparedView::alpha of a view.
+Image alpha_of(const StoredView& view) {
+  if (view.opaque) return {};
   Image out(view.camera.width, view.camera.height, 1);
   for (std::size_t i = 0; i < out.data.size(); ++i) out.data[i] = static_cast<float>(view.rgba[4 * i + 3]) / 255.0f;
   return out;
 }
+
+// EvaluationObject::shown of a view.
+Image shown(const StoredView& view) { return view.masked ? Image() : alpha_of(view); }
 
 // Decodes the views. Returns the first that cannot be decoded; none if `out` is complete.
 std::optional<int> decode(const FramedObject& object, const Chosen& chosen, const FrameRequest& request,
@@ -76,7 +79,10 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
         const StoredView stored = store_view(object, view, is_input ? request : compared);
         out.pictures.push_back(on_white(stored));
         out.cameras.push_back(stored.camera);
-        if (!is_input) out.shown.push_back(shown(stored));
+        if (is_input)
+          out.alphas.push_back(alpha_of(stored)), out.masked.push_back(stored.masked);
+        else
+          out.shown.push_back(shown(stored));
         if (is_input && compared.image != request.image)
           out.inputs_compared.push_back(on_white(store_view(object, view, compared)));
       } catch (const Error& e) {

@@ -25,6 +25,8 @@ struct EvaluationObject {
   std::size_t inputs = 0;       // the first views are inputs, the others novel
   int compared_size = 0;        // edge of the novel views' pictures and cameras
   std::vector<Image> pictures;  // on white: inputs at the configuration's size, novel views at the compared one
+  std::vector<Image> alphas;    // of each input, as PreparedView::alpha
+  std::vector<bool> masked;     // of each input, as PreparedView::masked
   // For each novel view [S][S][1], the share of each pixel that its photograph shows. Empty if it shows all, or if a
   // mask or alpha channel marks the rest as background.
   std::vector<Image> shown;

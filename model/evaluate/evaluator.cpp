@@ -15,6 +15,7 @@
 #include "model/fit/scene_fit.h"
 #include "model/io/picture/contact_sheet.h"
 #include "model/metrics/metrics.h"
+#include "model/reconstruct/inputs_fit.h"
 #include "model/reconstruct/passes.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/render/render.h"
@@ -106,7 +107,8 @@ Scene Evaluator::reconstructed(const EvaluationObject& object, const std::vector
   std::vector<PreparedView> prepared;
   for (std::size_t i = 0; i < object.inputs; ++i)
     if (std::find(views.begin(), views.end(), object.input_views[i]) != views.end())
-      prepared.push_back({object.pictures[i], to_frame(object.cameras[i], object.to_world.inverse())});
+      prepared.push_back({object.pictures[i], to_frame(object.cameras[i], object.to_world.inverse()), object.alphas[i],
+                          object.masked[i]});
   ReconstructOptions options;
   options.forward.planned_selected = options_.planned_selected;
   return reconstruct(ctx_, network_, prepared, object.framed.placement, options).scene;
@@ -125,6 +127,17 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
   return render_all(upload(ctx_, scene.gaussians), object, scene.near, scene.mirror, {});
 }
 
+// Fits a level to the inputs, as a reconstruction does the last one.
+Gaussians Evaluator::fitted(const Gaussians& level, const EvaluationObject& object,
+                            const std::vector<Camera>& cameras) const {
+  const int epochs = config_.taken().fit_epochs;
+  if (epochs == 0) return level;
+  std::vector<FitPicture> pictures;
+  for (std::size_t i = 0; i < object.inputs; ++i)
+    pictures.push_back(fit_picture(object.pictures[i], object.alphas[i], object.masked[i], cameras[i]));
+  return fitted_to_inputs(ctx_, level, pictures, {epochs, network_.drawing().mirror, {}});
+}
+
 Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw) const {
   std::vector<float> pictures;
   for (std::size_t i = 0; i < object.inputs; ++i)
@@ -140,14 +153,17 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
   ctx_.finish();
   const auto begun = std::chrono::steady_clock::now();
   const TakenViews taken = config_.taken();
-  const Passes passes =
-      forward_passes(ctx_, network_, pictures, cameras, {taken.passes, taken.merge_cell, true}, forward);
+  Passes passes = forward_passes(ctx_, network_, pictures, cameras, {taken.passes, taken.merge_cell, true}, forward);
   const Network::Result& result = passes.first;
+  Gaussians& last = config_.has_fine() ? passes.final : passes.coarse;
+  last = fitted(last, object, cameras);
+  ctx_.finish();
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
+  if (config_.has_fine()) passes.coarse = fitted(passes.coarse, object, cameras);
   const double selected = static_cast<double>(result.voxels.size()) / std::pow(result.volume, 3);
   Scores poses;
   poses.seconds = took.count();
-  poses.gaussians = static_cast<double>((config_.has_fine() ? passes.final : passes.coarse).count);
+  poses.gaussians = static_cast<double>(last.count);
   if (noisy) {
     const PoseErrors off = pose_errors(cameras, listed);
     poses.pose_degrees = off.degrees, poses.pose_distance = off.distance;

@@ -84,6 +84,7 @@ class Evaluator {
                    const std::optional<std::array<float, 3>>& mirror, const std::optional<Detail>& detail) const;
   Scene reconstructed(const EvaluationObject& object, const std::vector<int>& views) const;
   Strip render_refined(const EvaluationObject& object) const;
+  Gaussians fitted(const Gaussians& level, const EvaluationObject& object, const std::vector<Camera>& cameras) const;
 
   Context& ctx_;
   const Network& network_;

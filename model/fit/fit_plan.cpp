@@ -24,18 +24,23 @@ double host_memory_of_fit(const Context& ctx) {
 
 }  // namespace
 
-FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
-                   const Camera& camera, bool limited) {
-  const auto planner = ctx.planner(limited);
-  Fitter fitter(*planner, start, near, {}, options);
+void plan_fit_in(Context& planner, const Gaussians& start, float near, const FitOptions& options,
+                 const Camera& camera) {
+  Fitter fitter(planner, start, near, {}, options);
   if (options.antialias) fitter.set_cameras({camera});
   fitter.plan_grown();
   const long h = camera.height, w = camera.width;
-  DeviceFitPicture picture{camera, planner->tensor({h, w, 4}, Type::u8, "picture"),
-                           planner->tensor({h, w}, Type::u8, "known"), true};
-  if (options.depth_weight > 0) picture.depth = planner->tensor({h, w}, Type::f32, "depth");
+  DeviceFitPicture picture{camera, planner.tensor({h, w, 4}, Type::u8, "picture"),
+                           planner.tensor({h, w}, Type::u8, "known"), true};
+  if (options.depth_weight > 0) picture.depth = planner.tensor({h, w}, Type::f32, "depth");
   fitter.step(picture);
   fitter.measure(picture);
+}
+
+FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                   const Camera& camera, bool limited) {
+  const auto planner = ctx.planner(limited);
+  plan_fit_in(*planner, start, near, options, camera);
   return {planner->memory().peak(), planner->stage_memory()};
 }
 

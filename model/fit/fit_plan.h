@@ -17,6 +17,9 @@ struct FitMemory {
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera, bool limited = true);
 
+// The same launches in a planner of the caller's.
+void plan_fit_in(Context& planner, const Gaussians& start, float near, const FitOptions& options, const Camera& camera);
+
 // The largest options.max_gaussians, up to the given one, for which there is memory without parts: on the device, and
 // if that is the host's, for fit_host_bytes() beside it. The start's number if there is none.
 long affordable_gaussians(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,

@@ -26,16 +26,16 @@ long steps_of(FitQuality quality) {
   return quality == FitQuality::high ? 30000 : quality == FitQuality::normal ? 7000 : 2000;
 }
 
-// Without growth. The learning rates do not depend on the number of steps, which is not known yet. Dropping Gaussians
-// helps a little. A few views seldom show what is opaque: if the network's opacities stay, fits of four end 0.4 dB
-// higher, and more steps lose nothing.
+// Without growth. The learning rates do not depend on the number of steps, which is not known yet.
 FitRecipe for_few(bool predicted) {
   FitRecipe out;
-  if (predicted) out.options.rates.logits = 0;
   out.steps = 200;
   out.measure_every = 25;
+  if (predicted)
+    out.options = options_for_predicted();
+  else
+    out.options.drop = 0.1f;  // helps a little
   out.options.grow_every = 0;
-  out.options.drop = 0.1f;
   return out;
 }
 
@@ -69,6 +69,18 @@ FitRecipe for_whole(const FitRequest& request, double pixels, long count) {
 }
 
 }  // namespace
+
+// With four views of 24 objects: fewer opaque Gaussians are worth 0.4 dB, since those that no view needs fade, and
+// scales and rotations that follow quickly 0.1 dB each. D-SSIM and dropping Gaussians help a little.
+FitOptions options_for_predicted() {
+  FitOptions out;
+  out.rates.log_scales *= 4;
+  out.rates.quats *= 2;
+  out.ssim_weight = 0.2f;
+  out.opacity_weight = 0.04f;
+  out.drop = 0.2f;
+  return out;
+}
 
 int longest_of(FitQuality quality) {
   return quality == FitQuality::high ? 1600 : quality == FitQuality::normal ? 1024 : 512;
@@ -117,7 +129,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& s
   const bool many = request.whole || views >= kManyViews;
   FitRecipe out = request.whole ? for_whole(request, shown.pixels, count)
                   : many        ? for_many(request.quality, shown.pixels, count)
-                                : for_few(predicted && request.freeze == FitFreeze{});
+                                : for_few(predicted);
   FitOptions& o = out.options;
   if (request.steps > 0) out.steps = request.steps;
   if (request.whole) {

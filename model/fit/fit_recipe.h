@@ -12,6 +12,9 @@ struct FitRecipe {
   double consolidate = 1;  // share of the Gaussians that stays for the last quarter of the steps
 };
 
+// For a network's Gaussians and fewer views than kManyViews; without growth, and for any number of steps.
+FitOptions options_for_predicted();
+
 // The length in pixels of pictures' longer sides, unless the request sets it.
 int longest_of(FitQuality quality);
 
@@ -24,8 +27,7 @@ struct ShownObject {
 // The number of Gaussians that a dense start is merged to, at most; `object_pixels` as ShownObject::pixels.
 std::size_t merged_count(const FitRequest& request, double object_pixels);
 
-// `views`: the views used, both fitted and held out. `count`: Gaussians of the start. `predicted`: by a network, which
-// saw the views; with few of them, and unless the request freezes anything, the opacities then stay.
+// `views`: the views used, both fitted and held out. `count`: Gaussians of the start. `predicted`: by a network.
 FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count,
                      bool predicted = false);
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "model/reconstruct/dump.h"
+#include "model/reconstruct/inputs_fit.h"
 #include "model/reconstruct/passes.h"
 #include "model/reconstruct/selection_check.h"
 #include "model/render/supersample.h"
@@ -47,6 +48,24 @@ std::string doubts(const Config& config, const Reconstruction& made, const std::
   return doubts_about(selected_shares(made.selected, config.volume), config.volume, background);
 }
 
+std::vector<FitPicture> fit_pictures(const std::vector<PreparedView>& views, const std::vector<Camera>& cameras) {
+  std::vector<FitPicture> out;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    out.push_back(fit_picture(views[i].image, views[i].alpha, views[i].masked, cameras[i]));
+  return out;
+}
+
+constexpr double kShareOfPasses = 0.7;  // of the time, if a fit follows
+
+int epochs_of(const ReconstructOptions& options, const AnyConfig& config) {
+  if (options.fit_epochs.value_or(0) > 0 && config.get_if<LaraConfig>())
+    fail(Status::usage, "{} is {}: {} makes surfels, and only Gaussians of three scales can be fitted",
+         Option::fit_epochs, *options.fit_epochs, config.network());
+  if (options.fit_epochs.value_or(0) > 0 && !options.dump.empty())
+    fail(Status::usage, "{} is {}: a dump is of the network alone", Option::fit_epochs, *options.fit_epochs);
+  return options.dump.empty() ? options.fit_epochs.value_or(config.taken().fit_epochs) : 0;
+}
+
 }  // namespace
 
 Reconstruction reconstruct(Context& ctx, const Network& network, const std::vector<PreparedView>& views,
@@ -74,6 +93,14 @@ Reconstruction reconstruct(Context& ctx, const Network& network, const std::vect
   if (passes.count > 1 && taken.rebase != "rotate")
     fail(Status::usage, "{} is {}: 1 expected, since this model's frame moves with the reference (its rebase is {})",
          Option::passes, passes.count, taken.rebase);
+  const int epochs = epochs_of(options, config);
+  std::function<void(double)> fit_progress;
+  if (epochs > 0 && options.forward.progress) {
+    forward.progress = [&](const std::string& stage, double done) {
+      options.forward.progress(stage, kShareOfPasses * done);
+    };
+    fit_progress = [&](double done) { options.forward.progress("fit", kShareOfPasses + (1 - kShareOfPasses) * done); };
+  }
   Reconstruction out;
   {
     const std::vector<float> pictures = values_of(views, taken.image);
@@ -82,6 +109,9 @@ Reconstruction reconstruct(Context& ctx, const Network& network, const std::vect
     out.selected = std::move(made.first.voxels);
     out.scene.gaussians = std::move(made.final);
   }
+  if (epochs > 0)
+    out.scene.gaussians = fitted_to_inputs(ctx, out.scene.gaussians, fit_pictures(views, placed.cameras),
+                                           {epochs, network.drawing().mirror, fit_progress});
   ctx.finish();
   out.scene.near = static_cast<float>(kNearInObject);
   out.scene.mirror = network.drawing().mirror;

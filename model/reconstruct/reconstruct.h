@@ -17,6 +17,7 @@ struct ReconstructOptions {
   ForwardOptions forward;
   std::optional<int> passes;         // the model's if not given; one with a selection or a dump
   std::optional<double> merge_cell;  // the model's if not given; see PassOptions
+  std::optional<int> fit_epochs;     // the model's if not given; none with a dump; see InputsFit
   std::string dump;                  // folder for every stage's output; empty: no dump
 };
 

@@ -50,7 +50,8 @@ C with_sizes_of(C config, const C& other) {
   config.image = other.image;
   config.views = other.views;
   if constexpr (std::is_base_of_v<Config, C>)
-    config.use_views = other.use_views, config.passes = other.passes, config.merge_cell = other.merge_cell;
+    config.use_views = other.use_views, config.passes = other.passes, config.merge_cell = other.merge_cell,
+    config.fit_epochs = other.fit_epochs;
   if constexpr (std::is_same_v<Config, C>) config.volume = other.volume;
   return config;
 }
@@ -120,7 +121,7 @@ Beginning from_model(const TrainConfig& config, const std::string& path) {
         } catch (const Error& e) {
           fail(e.status(),
                "{}: its model differs from the configuration's \"model\", which may differ only in image, volume, "
-               "views, use_views, passes and merge_cell: {}",
+               "views, use_views, passes, merge_cell and fit_epochs: {}",
                path, e.what());
         }
         Beginning out;

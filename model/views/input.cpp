@@ -119,10 +119,10 @@ Input prepare_input(const Photographs& photographs, const TakenViews& taken, con
   const Framing framing{taken.image, request.crop, out.placement.centre, out.placement.edge};
   out.masked = true;
   for (std::optional<LoadedPhotograph>& view : loaded) {
-    out.masked &= view->is_masked();
-    FramedView framed = view->framed(framing);
+    const bool masked = view->is_masked();
+    out.masked &= masked;
+    out.views.push_back(on_white(view->framed(framing), masked));
     view.reset();  // decoded pictures are large
-    out.views.push_back({on_white(framed.image), std::move(framed.camera)});
   }
   return out;
 }

@@ -148,9 +148,15 @@ Camera pinhole(const Camera& camera, const Window& window) {
   return out;
 }
 
-PreparedView prepared(FramedView view) { return {on_white(view.image), std::move(view.camera)}; }
-
 }  // namespace
+
+PreparedView on_white(FramedView view, bool masked) {
+  PreparedView out{on_white(view.image), std::move(view.camera), Image(view.image.width, view.image.height, 1), masked};
+  for (std::size_t i = 0; i < out.alpha.data.size(); ++i) out.alpha.data[i] = view.image.data[4 * i + 3];
+  const auto opaque = [](float alpha) { return alpha >= 1; };
+  if (std::all_of(out.alpha.data.begin(), out.alpha.data.end(), opaque)) out.alpha = {};
+  return out;
+}
 
 Crop crop_from_name(const std::string& name) {
   if (name == "auto") return Crop::automatic;
@@ -212,7 +218,7 @@ FramedView frame_view(const Camera& camera, const Image& picture, const Image* m
 }
 
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
-  return prepared(frame_view(camera, picture, mask, framing));
+  return on_white(frame_view(camera, picture, mask, framing), mask || picture.channels == 4);
 }
 
 WholeView whole_view(const Camera& camera, const Image& picture, const Image* mask, int longest,
@@ -227,7 +233,8 @@ PreparedView prepare_view(const Camera& camera, const std::string& picture_path,
   const Image picture = read_image(picture_path);
   const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
   return with_rows(picture, mask_path.empty() ? nullptr : &mask, [&](PixelRows& pixels, PixelRows* masks) {
-    return prepared(frame_view(camera, pixels, masks, framing, {picture_path, mask_path}));
+    return on_white(frame_view(camera, pixels, masks, framing, {picture_path, mask_path}),
+                    masks || picture.channels == 4);
   });
 }
 

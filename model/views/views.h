@@ -29,8 +29,11 @@ struct Framing {
 };
 
 struct PreparedView {
-  Image image;    // [S][S][3], on white
-  Camera camera;  // S x S, no distortion, the listed pose and file name
+  Image image;       // [S][S][3], on white
+  Camera camera;     // S x S, no distortion, the listed pose and file name
+  Image alpha = {};  // [S][S][1]; empty: 1 everywhere
+  // Whether a mask or an alpha channel marks the object. If not, alpha is below 1 only outside the photograph.
+  bool masked = false;
 };
 
 // As PreparedView, without a background yet.
@@ -38,6 +41,8 @@ struct FramedView {
   Image image;  // [S][S][4], premultiplied
   Camera camera;
 };
+
+PreparedView on_white(FramedView view, bool masked);
 
 // A whole picture, undistorted, with its pinhole camera.
 struct WholeView {

@@ -79,7 +79,7 @@ class Check(support.Case):
         self.succeeds("dataset", "procedural", "--count", 1, "--seed", 20, "--views", 40, "--size", result["image"], "--output", self.path("set"))
         folder = self.path("set", "object_0000")
         names = [view["name"] for view in result["views"]]
-        out, _ = self.succeeds("reconstruct", folder, "--model", SHIPPED, "--passes", 1, "--merge-cell", "none", "--views", ",".join(names), "--output", self.path("o.ply"), "--render", folder,
+        out, _ = self.succeeds("reconstruct", folder, "--model", SHIPPED, "--passes", 1, "--merge-cell", "none", "--fit-epochs", 0, "--views", ",".join(names), "--output", self.path("o.ply"), "--render", folder,
                                "--compare", os.path.join(folder, "images"), "--json")
         drawn = {os.path.relpath(picture["reference"], folder): picture["psnr"] for picture in json.loads(out)["comparison"]["pictures"]}
         for view in result["views"]:

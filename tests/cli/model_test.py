@@ -133,6 +133,7 @@ class Model(support.Case):
         self.assertEqual(made(own, "--passes", 1, "--merge-cell", "none")[0]["gaussians"], one["gaussians"])
         self.assertEqual(made(self.model, "--passes", 16)[0]["passes"], one["views"])
         self.assertEqual(made(own, "--dump", self.path("stages"))[0]["passes"], 1)
+        self.assertEqual(made(own, "--dump", self.path("stages"))[0]["fit_epochs"], 0)
         for wrong in ("0", "17", "-1", "2.5", "all"):
             self.refuses(2, "--passes", *self.reconstruct("--passes", wrong))
         for wrong in ("0", "-1", "17", "nan", "all"):
@@ -140,6 +141,30 @@ class Model(support.Case):
         self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path("y.ply"), "--write-selection", self.path("s.txt"))
         self.refuses(2, ["--passes", "2"], *self.reconstruct("--passes", 2, "--selection", self.path("s.txt")))
         self.refuses(2, ["--passes", "2"], *self.reconstruct("--passes", 2, "--dump", self.path("d")))
+
+    def test_how_long_a_model_fits_its_result_is_its_own(self):
+        own = self.path("own.safetensors")
+        self.succeeds("weights", "convert", self.model, "--dtype", "f32", "--fit-epochs", 3, "--output", own)
+        self.assertEqual(self.info(own)["config"], {**self.info(self.model)["config"], "fit_epochs": 3})
+
+        def made(model, *more):
+            out, err = self.succeeds("reconstruct", self.views, "--model", model, "--output", self.path("x.ply"), "--overwrite", "--json", *more)
+            return json.loads(out)["fit_epochs"], err, self.read("x.ply")
+
+        without, own_ones = made(self.model), made(own)
+        self.assertEqual((without[0], own_ones[0]), (0, 3))
+        self.assertNotIn("epochs", without[1])
+        self.assertRegex(own_ones[1], r"selected voxels, fitted to the pictures in 3 epochs")
+        self.assertNotEqual(own_ones[2], without[2])
+        self.assertEqual(made(own, "--fit-epochs", 0)[2], without[2])
+        self.assertEqual(made(self.model, "--fit-epochs", 3)[2], own_ones[2])
+        self.assertEqual(made(own, "--dump", self.path("stages"))[2], without[2])
+        for wrong in ("-1", "1001", "2.5", "none"):
+            self.refuses(2, "--fit-epochs", *self.reconstruct("--fit-epochs", wrong))
+        self.refuses(2, ["--fit-epochs", "2"], *self.reconstruct("--fit-epochs", 2, "--dump", self.path("d")))
+        lara = self.path("lara.safetensors")
+        self.succeeds("init", "tiny", "--system", "lara", "--seed", 3, "--output", lara)
+        self.refuses(2, ["--fit-epochs", "surfels"], "reconstruct", self.views, "--model", lara, "--output", self.path("l.ply"), "--fit-epochs", 2)
 
     def test_view_counts_that_cannot_be(self):
         for count in ("0", "17", "-1", "4.5", "all"):

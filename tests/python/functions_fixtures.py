@@ -254,7 +254,7 @@ class Values:
              "picture_file_size": "texture", "picture_file_lens": "texture", "cameras_load_picture": "texture", "cameras_get_picture_size": "texture"}
     WRITERS = ("_save", "_save_as", "_save_jpeg", "_save_cameras", "_save_selection", "_save_sheet", "_write", "_report")
     NUMBERS = {"num_events": 1, "seconds": 0.0, "seconds_ago": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,
-               "pictures": 1, "quality": 90, "sh_degree": 0, "side": EDGE, "use_views": 1, "passes": 1, "merge_cell": 0.5, "view": 0, "views": 1, "capacity": ROOM,
+               "pictures": 1, "quality": 90, "sh_degree": 0, "side": EDGE, "use_views": 1, "passes": 1, "merge_cell": 0.5, "fit_epochs": 1, "view": 0, "views": 1, "capacity": ROOM,
                "exit_code": 3, "index": 0, "num_devices": 1, "num_paths": 1, "num_runs": 1, "num_views": 2, "gaussians": 100, "seed": 1, "status": 0,
                "dtype": 1, "format": 1, "which": 0}
 

@@ -23,6 +23,7 @@ static void each(C& c, Visit visit) {
   visit("use_views", c.use_views);
   visit("passes", c.passes);
   visit("merge_cell", c.merge_cell);
+  visit("fit_epochs", c.fit_epochs);
   visit("patch", c.patch);
   visit("vit_dim", c.vit_dim);
   visit("vit_depth", c.vit_depth);
@@ -233,6 +234,7 @@ void check(const Config& c, Status status) {
   is.need(c.passes >= 1 && c.passes <= 16, "passes must be 1 to 16", c.passes);
   is.need(c.passes == 1 || c.rebase == "rotate", "passes must be 1 unless rebase is rotate", c.passes);
   is.need(c.merge_cell >= 0 && c.merge_cell <= 16, "merge_cell must be 0, for none, to 16", c.merge_cell);
+  is.need(c.fit_epochs >= 0 && c.fit_epochs <= 1000, "fit_epochs must be 0, for none, to 1000", c.fit_epochs);
   is.need(c.refine_out_kernel == 1 || c.refine_out_kernel == 3, "refine_out_kernel must be 1 or 3",
           c.refine_out_kernel);
   is.one_of("levels", c.levels, {"fine", "skeletal", "coarse"});
@@ -255,7 +257,7 @@ Config with_fields(Config config, const std::vector<std::string>& assignments) {
 std::string to_json(const Config& config) {
   nlohmann::ordered_json out = field_list::object_of(config);
   // Omits newer fields with default values, so that files do not change and older versions can read them.
-  for (const char* field : {"use_views", "passes", "merge_cell"})
+  for (const char* field : {"use_views", "passes", "merge_cell", "fit_epochs"})
     if (differing_fields(config, Config(), {field}).empty()) out.erase(field);
   for (const std::string& field : without_meaning(config))
     if (differing_fields(config, Config(), {field}).empty()) out.erase(field);

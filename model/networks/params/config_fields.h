@@ -30,6 +30,7 @@ struct Config {
   // Forward passes of a reconstruction, each with another view as the reference; 1 to 16. Their Gaussians are joined.
   int passes = 1;
   double merge_cell = 0;  // in voxels: a reconstruction's Gaussians that share a cell of this edge become one; 0: none
+  int fit_epochs = 0;     // epochs of the fit of those Gaussians to the inputs that follows; 0 to 1000
   int patch = 16;
   int vit_dim = 768;
   int vit_depth = 12;
@@ -84,7 +85,9 @@ struct Config {
   int views_to_use() const { return use_views > 0 ? use_views : views; }
   bool predicts_poses() const { return poses == "predicted"; }
   int most_views() const { return predicts_poses() ? share_max_views : 16; }
-  TakenViews taken() const { return {image, views, views_to_use(), most_views(), rebase, passes, merge_cell, volume}; }
+  TakenViews taken() const {
+    return {image, views, views_to_use(), most_views(), rebase, passes, merge_cell, volume, fit_epochs};
+  }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int tokens() const { return encoder_sizes().tokens(); }  // along an edge
   EncoderSizes encoder_sizes() const {

@@ -319,13 +319,15 @@ static void view_counts(void) {
   EXPECT(VSPLAT_OK, vsplat_model_with_use_views(model, 1, &one));
   EXPECT(VSPLAT_OK, vsplat_model_get_info(one, &model_info));
   HOLD(model_info.views == 2 && model_info.use_views == 1);
-  HOLD(model_info.passes == 1 && model_info.merge_cell == 0);
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 0, 1, &passing));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 2, -1, &passing));
+  HOLD(model_info.passes == 1 && model_info.merge_cell == 0 && model_info.fit_epochs == 0);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 0, 1, 0, &passing));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 2, -1, 0, &passing));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_passes(one, 2, 1, 1001, &passing));
   HOLD(!passing);
-  EXPECT(VSPLAT_OK, vsplat_model_with_passes(one, 2, 0.5, &passing));
+  EXPECT(VSPLAT_OK, vsplat_model_with_passes(one, 2, 0.5, 7, &passing));
   EXPECT(VSPLAT_OK, vsplat_model_get_info(passing, &model_info));
-  HOLD(model_info.use_views == 1 && model_info.passes == 2 && model_info.merge_cell == 0.5);
+  HOLD(model_info.use_views == 1 && model_info.passes == 2 && model_info.merge_cell == 0.5 &&
+       model_info.fit_epochs == 7);
   vsplat_model_release(passing);
   EXPECT(VSPLAT_OK, vsplat_input_prepare(one, views, NULL, &input));
   EXPECT(VSPLAT_OK, vsplat_input_get_info(input, &info));

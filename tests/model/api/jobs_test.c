@@ -92,14 +92,16 @@ static int32_t hears(void* user, const char* stage, double done) {
 }
 
 /* Afterwards nothing remains to be compiled. Runs on a stream of the device, which outlives the device. */
-static void prepares(vsplat_model model, vsplat_input input) {
+static void prepares(vsplat_model made, vsplat_input input) {
   vsplat_device_options device_options = VSPLAT_DEVICE_OPTIONS_INIT;
   vsplat_prepare_options options = VSPLAT_PREPARE_OPTIONS_INIT;
   const vsplat_reconstruct_options voxels = some_voxels();
   vsplat_device device = NULL, stream = NULL;
+  vsplat_model model = NULL;
   vsplat_scene scene = NULL;
   double last = 0;
   int before;
+  EXPECT(VSPLAT_OK, vsplat_model_with_passes(made, 1, 0, 2, &model));
   device_options.on_compile = counts;
   EXPECT(VSPLAT_OK, vsplat_device_open(&device_options, &device));
   options.views = 17;
@@ -120,6 +122,7 @@ static void prepares(vsplat_model model, vsplat_input input) {
   EXPECT(VSPLAT_OK, vsplat_device_prepare(stream, model, &options));
   HOLD(last > 0.7 && last <= 1);
   vsplat_device_release(stream);
+  vsplat_model_release(model);
 }
 
 /* The programs of jobs; valid and invalid requests. */

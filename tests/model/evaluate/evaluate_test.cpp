@@ -132,6 +132,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
 TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) {
   check_against_reconstructing(ctx(), folder_, 0);
   check_against_reconstructing(ctx(), folder_, 0, true, {"passes=2", "merge_cell=0.5"});
+  check_against_reconstructing(ctx(), folder_, 0, true, {"fit_epochs=2"});
 }
 
 // Areas beyond the border of an unmasked photograph are not compared.

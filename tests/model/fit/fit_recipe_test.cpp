@@ -60,17 +60,21 @@ TEST(FitRecipe, LongFitsOfObjectsEndAtRest) {
   EXPECT_EQ(fit_recipe({}, 4, {2000}, 200).least_degree, 0);
 }
 
-// Unless the user freezes anything: then nothing else is.
-TEST(FitRecipe, FewViewsLeaveOpacitiesOfANetworkAsTheyAre) {
-  const FitRecipe predicted = fit_recipe({}, 11, {2000}, 200, true), listed = fit_recipe({}, 11, {2000}, 200, false);
-  EXPECT_EQ(predicted.options.rates.logits, 0);
-  EXPECT_GT(predicted.options.rates.sh, 0);
-  EXPECT_GT(predicted.options.rates.means, 0);
-  EXPECT_GT(listed.options.rates.logits, 0);
-  EXPECT_GT(fit_recipe({}, 12, {2000}, 200, true).options.rates.logits, 0);
+// Without growth, and with a weight on opacities that leaves what no view needs transparent.
+TEST(FitRecipe, FewViewsMakeFewOpaqueGaussiansOfANetworks) {
+  const FitOptions few = fit_recipe({}, 11, {2000}, 200, true).options,
+                   many = fit_recipe({}, 12, {2000}, 200, true).options;
+  EXPECT_EQ(few.grow_every, 0);
+  EXPECT_EQ(fit_recipe({}, 11, {2000}, 200).options.grow_every, 0);
+  EXPECT_EQ(fit_recipe({}, 11, {2000}, 200).options.opacity_weight, 0);
+  EXPECT_GT(few.opacity_weight, 10 * many.opacity_weight);
+  EXPECT_GT(few.rates.log_scales, many.rates.log_scales);
   FitRequest request;
-  request.freeze.means = request.freeze.scales = request.freeze.rotations = request.freeze.sh = true;
-  EXPECT_GT(fit_recipe(request, 4, {2000}, 200, true).options.rates.logits, 0);
+  request.freeze.opacities = request.freeze.scales = true;
+  const FitRates frozen = fit_recipe(request, 4, {2000}, 200, true).options.rates;
+  EXPECT_EQ(frozen.logits, 0);
+  EXPECT_EQ(frozen.log_scales, 0);
+  EXPECT_EQ(frozen.quats, few.rates.quats);
 }
 
 // A cube that is ten times too large cost 0.5 dB: positions moved ten times as far in a step.

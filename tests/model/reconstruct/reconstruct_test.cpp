@@ -10,6 +10,7 @@
 #include "model/base/merged_gaussians.h"
 #include "model/base/scene_edit.h"
 #include "model/metrics/metrics.h"
+#include "model/reconstruct/inputs_fit.h"
 #include "model/render/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -138,6 +139,48 @@ TEST_P(Reconstruct, MergesWhatSharesACell) {
     EXPECT_TRUE(test::close(got.means, expected.means, 1e-4));
     EXPECT_TRUE(test::close(got.opacities, expected.opacities, 1e-4));
   }
+}
+
+// In the frame of the first view.
+TEST_P(Reconstruct, FitsTheResultToTheInputs) {
+  const Golden golden = Golden::load("micro");
+  Config config = golden.config();
+  config.fit_epochs = 2;
+  const auto network = make_network(ctx(), config, golden.weights());
+  const std::vector<PreparedView> views = golden_views(golden, {});
+  std::vector<Camera> cameras;
+  cameras.reserve(views.size());
+  for (const PreparedView& view : views) cameras.push_back(view.camera);
+  const PlacedViews placed = place_views(cameras, {}, config.rebase);
+  ReconstructOptions options;
+  std::vector<std::pair<std::string, double>> stages;
+  options.forward.progress = [&](const std::string& stage, double done) { stages.emplace_back(stage, done); };
+  for (const int epochs : {3, 2, 0}) {
+    options.fit_epochs = 0;
+    Gaussians expected = reconstruct(ctx(), *network, views, {}, options).scene.gaussians;
+    transform(expected, placed.to_world.inverse());
+    std::vector<FitPicture> pictures;
+    for (std::size_t i = 0; i < views.size(); ++i)
+      pictures.push_back(fit_picture(views[i].image, {}, false, placed.cameras[i]));
+    expected = fitted_to_inputs(ctx(), expected, pictures, {epochs, network->drawing().mirror, {}});
+    transform(expected, placed.to_world);
+    options.fit_epochs = epochs;
+    if (epochs == config.fit_epochs) options.fit_epochs.reset();  // the model's
+    stages.clear();
+    const Gaussians got = reconstruct(ctx(), *network, views, {}, options).scene.gaussians;
+    ASSERT_EQ(got.count, expected.count);
+    EXPECT_TRUE(test::close(got.means, expected.means, 1e-3));
+    EXPECT_TRUE(test::close(got.sh, expected.sh, 1e-2));
+    EXPECT_EQ(std::count_if(stages.begin(), stages.end(), [](const auto& s) { return s.first == "fit"; }), epochs);
+    EXPECT_TRUE(
+        std::is_sorted(stages.begin(), stages.end(), [](const auto& a, const auto& b) { return a.second < b.second; }));
+  }
+  const test::TemporaryFolder folder;
+  options.dump = folder / "dump";
+
+  EXPECT_NO_THROW(reconstruct(ctx(), *network, views, {}, options));  // of the network alone
+  options.fit_epochs = 2;
+  EXPECT_THROW(reconstruct(ctx(), *network, views, {}, options), Error);
 }
 
 TEST_P(Reconstruct, TakesPassesFromTheModelAndRefusesThemWhereThereCanBeOne) {

@@ -75,6 +75,8 @@ TEST(Views, APictureOfTheNetworksSizeIsTakenBitForBit) {
   const Camera camera = test_camera(32, 32);
   const PreparedView view = prepare_view(camera, picture, nullptr, {.size = 32});
   EXPECT_EQ(view.image.data, picture.data);
+  EXPECT_TRUE(view.alpha.empty());
+  EXPECT_FALSE(view.masked);
   expect_same_camera(view.camera, camera);
 }
 
@@ -84,7 +86,9 @@ TEST(Views, AlphaAndMaskMultiplyOnWhite) {
   for (int i = 0; i < 256; ++i) {
     const double a = static_cast<double>(picture.data[4 * i + 3]) * mask.data[i];
     for (int c = 0; c < 3; ++c) ASSERT_NEAR(view.image.data[3 * i + c], picture.data[4 * i + c] * a + 1 - a, 1e-6);
+    ASSERT_NEAR(view.alpha.data[i], a, 1e-6);
   }
+  EXPECT_TRUE(view.masked);
 }
 
 TEST(Views, ObjectPutsTheCubeInTheMiddle) {

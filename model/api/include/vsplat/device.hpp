@@ -141,9 +141,9 @@ class Model : public ModelHandle {
     return Model(out);
   }
   // Returns the same model with other defaults of a reconstruction, as vsplat_model_with_passes.
-  Model with_passes(int32_t passes, double merge_cell) const {
+  Model with_passes(int32_t passes, double merge_cell, int32_t fit_epochs) const {
     vsplat_model out = nullptr;
-    check(vsplat_model_with_passes(get(), passes, merge_cell, &out));
+    check(vsplat_model_with_passes(get(), passes, merge_cell, fit_epochs, &out));
     return Model(out);
   }
   vsplat_model_info info() const {

@@ -41,12 +41,13 @@ typedef struct vsplat_model_info {
   uint64_t max_gaussians; /* the most it can make, with every voxel selected */
   uint64_t parameters;
   vsplat_hash_state hash;
-  int32_t use_views; /* how many views vsplat_input_prepare picks by default, if there are more */
-  int32_t passes;    /* how many passes vsplat_reconstruct runs by default */
-  double merge_cell; /* edge of the cells in which it merges Gaussians by default, in voxels; 0: they stay */
+  int32_t use_views;  /* how many views vsplat_input_prepare picks by default, if there are more */
+  int32_t passes;     /* how many passes vsplat_reconstruct runs by default */
+  double merge_cell;  /* edge of the cells in which it merges Gaussians by default, in voxels; 0: they stay */
+  int32_t fit_epochs; /* how many epochs it fits them to the inputs by default; 0: none */
 } vsplat_model_info;
 #define VSPLAT_MODEL_INFO_INIT \
-  { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT, 0, 1, 0.0 }
+  { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT, 0, 1, 0.0, 0 }
 
 typedef struct vsplat_import_options {
   size_t size;
@@ -95,9 +96,11 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save_memory(vsplat_model 
    (vsplat_model_info.use_views), 1 to max_views. For authors of models, who have measured which number is best. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,
                                                                       vsplat_model* out_model);
-/* Returns the same model with other defaults of vsplat_reconstruct: `passes` is 1 to 16, `merge_cell` 0 to 16. */
+/* Returns the same model with other defaults of vsplat_reconstruct: `passes` is 1 to 16, `merge_cell` 0 to 16,
+   `fit_epochs` 0 to 1000. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_with_passes(vsplat_model model, int32_t passes,
-                                                                   double merge_cell, vsplat_model* out_model);
+                                                                   double merge_cell, int32_t fit_epochs,
+                                                                   vsplat_model* out_model);
 VSPLAT_API void vsplat_model_retain(vsplat_model model);
 VSPLAT_API void vsplat_model_release(vsplat_model model);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_info);

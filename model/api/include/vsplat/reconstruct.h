@@ -35,14 +35,18 @@ typedef struct vsplat_reconstruct_options {
   /* Gaussians whose centres share a cell of this edge become one; in voxels, at most 16. 0: the model's; below 0: all
      stay. Surfels always stay. */
   double merge_cell;
+  /* Epochs of the fit of the network's Gaussians to the input pictures, at most 1000; in each, every picture gets a
+     step. 0: the model's, or none with a dump; below 0: none. */
+  int32_t fit_epochs;
 } vsplat_reconstruct_options;
 #define VSPLAT_RECONSTRUCT_OPTIONS_INIT \
-  { sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL, {0, 0, 0}, 0, 0.0 }
+  { sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL, {0, 0, 0}, 0, 0.0, 0 }
 
-/* Runs the network. The scene is in the frame of the input's cameras. Several passes err differently, so that their
-   mean is better than each: the scene holds the Gaussians of all, with opacities that show that mean, and merged if that
-   is asked for. If no voxel is selected, the scene is empty; this is not an error. The model's weights stay on the
-   device until the model or the device is freed. `options` NULL: defaults. */
+/* Runs the network, and fits what it makes to the input pictures. The scene is in the frame of the input's cameras.
+   Several passes err differently, so that their mean is better than each: the scene holds the Gaussians of all, with
+   opacities that show that mean, and merged if that is asked for. If no voxel is selected, the scene is empty; this is
+   not an error. The model's weights stay on the device until the model or the device is freed. `options` NULL:
+   defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model,
                                                              vsplat_input input,
                                                              const vsplat_reconstruct_options* options,

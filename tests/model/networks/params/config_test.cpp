@@ -51,10 +51,12 @@ TEST(Config, ViewsToUseAreThoseItIsTrainedWithUnlessItSays) {
 
 TEST(Config, PassesAndCellsAreThoseOfReconstructions) {
   Config config;
-  for (const char* field : {"passes", "merge_cell"}) EXPECT_EQ(to_json(config).find(field), std::string::npos) << field;
-  config.passes = 4, config.merge_cell = 1.25;
+  for (const char* field : {"passes", "merge_cell", "fit_epochs"})
+    EXPECT_EQ(to_json(config).find(field), std::string::npos) << field;
+  config.passes = 4, config.merge_cell = 1.25, config.fit_epochs = 50;
   EXPECT_EQ(config_from_json(to_json(config)), config);
   EXPECT_EQ(config.taken().passes, 4);
+  EXPECT_EQ(config.taken().fit_epochs, 50);
   EXPECT_EQ(config.taken().cells, config.volume);
   const auto refused = [&](const char* field, auto& value, auto wrong) {
     const auto before = value;
@@ -64,6 +66,7 @@ TEST(Config, PassesAndCellsAreThoseOfReconstructions) {
   };
   for (const int wrong : {-1, 0, 17}) refused("passes", config.passes, wrong);
   for (const double wrong : {-0.1, 16.1, std::nan("")}) refused("merge_cell", config.merge_cell, wrong);
+  for (const int wrong : {-1, 1001}) refused("fit_epochs", config.fit_epochs, wrong);
   refused("rebase", config.rebase, std::string("move"));
 }
 
