@@ -2,6 +2,7 @@
 #include "model/reconstruct/reconstruct.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "model/api/device.h"
 #include "model/api/input.h"
@@ -43,6 +44,12 @@ double host_bytes(int image, const Weights& weights, int views, long gaussians, 
   constexpr double values_of_gaussian = 59;  // with spherical harmonics of degree 3
   values += (1 + std::min(passes, views)) * values_of_gaussian * static_cast<double>(gaussians);
   return values * sizeof(float);
+}
+
+// Number of cells in which Gaussians are merged: those of the cube, and one beyond each face.
+long most_cells(const TakenViews& taken) {
+  const long edge = std::lround(std::ceil(taken.cells / taken.merge_cell)) + 2;
+  return edge * edge * edge;
 }
 
 // The fit runs after the network, whose weights stay.
@@ -141,7 +148,8 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     const bool fits = fits_within([&] {
       plan = plan_network(ctx, config, weights, views, planned);
       if (taken.fit_epochs > 0) {
-        const long gaussians = taken.merge_cell > 0 ? made : made * std::min(taken.passes, views);
+        const long all = made * std::min(taken.passes, views);
+        const long gaussians = taken.merge_cell > 0 ? std::min(made, most_cells(taken)) : all;
         const int degree = config.visit([](const auto& c) { return c.sh_degree; });
         add_fit(ctx, gaussians, degree, taken.image, plan);
       }
