@@ -138,7 +138,8 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
                                            : std::to_string(selected) + " selected voxels";
   say(o.common,
       o.output + ": " + std::to_string(info.count) + " Gaussians from " + from +
-          (made.fit_epochs ? ", fitted to the pictures in " + std::to_string(made.fit_epochs) + " epochs" : "") +
+          (made.fit_epochs && !fit ? ", fitted to the pictures in " + std::to_string(made.fit_epochs) + " epochs"
+                                   : "") +
           (pictures ? ", " + job.summary(pictures) : "") + ", " + seconds_text(elapsed_seconds()));
   if (!o.common.json) return;
   const vsplat_input_info placed = input.info();
