@@ -14,7 +14,7 @@
   /* views and the object's cube */                                                                                  \
   X(auto_frame) X(center) X(force) X(pictures) X(scale) X(skip_bad_views) X(view_count) X(views)                      \
   /* the network's passes and selection */                                                                           \
-  X(assume_selected) X(fit_epochs) X(merge_cell) X(passes) X(selection) X(selection_seed)                                           \
+  X(assume_selected) X(fit_epochs) X(merge_cell) X(passes) X(selection) X(selection_seed)                            \
   /* scenes and drawing */                                                                                           \
   X(antialias) X(orbit_elevation) X(orbit_radius) X(skip_bad_gaussians) X(supersample) X(surfels_to_gaussians) X(up)  \
   /* a fit */                                                                                                        \

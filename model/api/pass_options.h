@@ -1,4 +1,4 @@
-// Options of vsplat_reconstruct about its passes, for all that reconstruct.
+// Options of vsplat_reconstruct about its passes and what follows them, for all that reconstruct.
 #pragma once
 #include <algorithm>
 

@@ -1,6 +1,9 @@
 // A picture in host memory.
 #pragma once
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace vsplat {
@@ -18,5 +21,10 @@ struct Image {
   const float* at(int x, int y) const { return &data[(static_cast<std::size_t>(y) * width + x) * channels]; }
   bool empty() const { return data.empty(); }
 };
+
+// A value of [0,1] in 8 bits.
+inline std::uint8_t byte_of(float value) {
+  return static_cast<std::uint8_t>(std::lround(255.0f * std::clamp(value, 0.0f, 1.0f)));
+}
 
 }  // namespace vsplat

@@ -13,13 +13,6 @@
 #include "runtime/printable.h"
 
 namespace vsplat {
-namespace {
-
-std::uint8_t byte_of(float value) {
-  return static_cast<std::uint8_t>(std::lround(255.0f * std::clamp(value, 0.0f, 1.0f)));
-}
-
-}  // namespace
 
 FramedObject frame_object(const DataObject& object, const FrameRequest& request, std::vector<std::string>* skipped) {
   FramedObject out{

@@ -23,7 +23,7 @@ std::vector<std::uint8_t> as_bytes(const Image& image, const std::string& name) 
       fail(Status::input, "{}: the pixel at {}, {} is {}, a finite number expected", name,
            pixel % static_cast<std::size_t>(image.width), pixel / static_cast<std::size_t>(image.width), v);
     }
-    out[i] = static_cast<std::uint8_t>(std::lround(255.0f * std::clamp(v, 0.0f, 1.0f)));
+    out[i] = byte_of(v);
   }
   return out;
 }

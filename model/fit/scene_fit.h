@@ -72,7 +72,7 @@ struct FitStart {
   // Whether such a scene has seen nothing of the other views, so that an improvement on those is a real one.
   bool independent = false;
   // Whether the scene is a network's, which may have more Gaussians than pictures can show; with many views they are
-  // merged to fewer.
+  // merged to fewer, with few the recipe is another.
   bool predicted = false;
   double cube = 1;  // edge of the object's cube about the centre, in units of the frame
 };

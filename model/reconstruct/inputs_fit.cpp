@@ -1,8 +1,5 @@
 #include "model/reconstruct/inputs_fit.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "model/base/scene.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/fit_recipe.h"
@@ -10,14 +7,6 @@
 #include "runtime/context.h"
 
 namespace vsplat {
-
-namespace {
-
-std::uint8_t byte_of(float value) {
-  return static_cast<std::uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f)));
-}
-
-}  // namespace
 
 FitPicture fit_picture(const Image& on_white, const Image& alpha, bool masked, const Camera& camera) {
   const std::size_t pixels = on_white.data.size() / 3;

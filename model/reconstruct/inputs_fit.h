@@ -22,7 +22,8 @@ struct InputsFit {
   std::function<void(double)> progress;        // the share done; may throw
 };
 
-// `start`: volumes, in the frame of the pictures' cameras. Returns it unchanged without epochs or Gaussians.
+// `start`: volumes, in the frame of the pictures' cameras. Returns it unchanged without epochs, Gaussians or
+// known pixels.
 Gaussians fitted_to_inputs(Context& ctx, const Gaussians& start, const std::vector<FitPicture>& pictures,
                            const InputsFit& fit);
 

@@ -62,7 +62,7 @@ for k in 0 1 2 3; do
 done
 "$vsplat" dataset procedural --count 300 --solids --output "$out/train/procedural" --views 32 --size 128 --seed 11
 
-# For runs 17 and 18: every textured object but those that measure or choose, and two that look like one of them; flat-coloured ones also with
+# For runs 17 to 19: every textured object but those that measure or choose, and two that look like one of them; flat-coloured ones also with
 # patterns; each shape twice.
 one() {
   set_name=$1 mesh=$2 seed=$3
