@@ -70,15 +70,20 @@ FitRecipe for_whole(const FitRequest& request, double pixels, long count) {
 
 }  // namespace
 
-// With four views of 24 objects: fewer opaque Gaussians are worth 0.4 dB, since those that no view needs fade, and
-// scales and rotations that follow quickly 0.1 dB each. D-SSIM and dropping Gaussians help a little.
+// With four views of 24 objects, scales and rotations that follow quickly are worth 0.1 dB each. D-SSIM and dropping
+// Gaussians help a little.
 FitOptions options_for_predicted() {
   FitOptions out;
   out.rates.log_scales *= 4;
   out.rates.quats *= 2;
   out.ssim_weight = 0.2f;
-  out.opacity_weight = 0.04f;
   out.drop = 0.2f;
+  return out;
+}
+
+FitOptions options_to_thin_out() {
+  FitOptions out = options_for_predicted();
+  out.opacity_weight = 0.04f;
   return out;
 }
 

@@ -14,6 +14,8 @@ struct FitRecipe {
 
 // For a network's Gaussians and fewer views than kManyViews; without growth, and for any number of steps.
 FitOptions options_for_predicted();
+// The same, but Gaussians that no view needs fade.
+FitOptions options_to_thin_out();
 
 // The length in pixels of pictures' longer sides, unless the request sets it.
 int longest_of(FitQuality quality);

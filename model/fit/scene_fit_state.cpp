@@ -39,7 +39,7 @@ Gaussians best_in(const FitCheckpoint& from) {
 std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
-      "recipe 5 steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} "
+      "recipe 6 steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} density {} "
       "consolidate {} "
       "seed {} whole {} quality {} centre {} {} {} edge {}",
       r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,

@@ -1,12 +1,29 @@
 #include "model/reconstruct/inputs_fit.h"
 
+#include <algorithm>
+
 #include "model/base/scene.h"
+#include "model/base/scene_edit.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/fit_recipe.h"
 #include "model/fit/fitter.h"
 #include "runtime/context.h"
 
 namespace vsplat {
+namespace {
+
+// Gaussians below this go; if all are, they stay. At 0.15 half as many would be left, for the same PSNR and 0.0015 less
+// SSIM.
+constexpr float kLeastOpacity = 0.1f;
+
+Gaussians without_faint(Gaussians gaussians) {
+  const std::vector<float> opacities = gaussians.opacities;
+  if (std::ranges::any_of(opacities, [](float o) { return o >= kLeastOpacity; }))
+    keep(gaussians, [&](std::size_t k) { return opacities[k] >= kLeastOpacity; });
+  return gaussians;
+}
+
+}  // namespace
 
 FitPicture fit_picture(const Image& on_white, const Image& alpha, bool masked, const Camera& camera) {
   const std::size_t pixels = on_white.data.size() / 3;
@@ -30,14 +47,19 @@ Gaussians fitted_to_inputs(Context& ctx, const Gaussians& start, const std::vect
   for (const FitPicture& picture : pictures)
     if (known_share(picture) > 0) given.push_back(upload(ctx, picture));
   if (given.empty()) return start;
-  Fitter fitter(ctx, start, static_cast<float>(kNearInObject), fit.mirror, options_for_predicted());
   const long steps = fit.epochs * static_cast<long>(given.size());
-  for (long step = 0; step < steps; ++step) {
-    const auto at = static_cast<std::size_t>(step) % given.size();
-    if (fit.progress && at == 0) fit.progress(static_cast<double>(step) / static_cast<double>(steps));
-    fitter.step(given[at]);
-  }
-  return fitter.gaussians();
+  long done = 0;
+  const auto run = [&](const Gaussians& from, const FitOptions& options, long until) {
+    Fitter fitter(ctx, from, static_cast<float>(kNearInObject), fit.mirror, options);
+    for (; done < until; ++done) {
+      const auto at = static_cast<std::size_t>(done) % given.size();
+      if (fit.progress && at == 0) fit.progress(static_cast<double>(done) / static_cast<double>(steps));
+      fitter.step(given[at]);
+    }
+    return fitter.gaussians();
+  };
+  const Gaussians thinned = without_faint(run(start, options_to_thin_out(), steps / 2));
+  return run(thinned, options_for_predicted(), steps);
 }
 
 void plan_inputs_fit(Context& planner, long count, int sh_degree, int image) {

@@ -22,8 +22,9 @@ struct InputsFit {
   std::function<void(double)> progress;        // the share done; may throw
 };
 
-// `start`: volumes, in the frame of the pictures' cameras. Returns it unchanged without epochs, Gaussians or
-// known pixels.
+// `start`: volumes, in the frame of the pictures' cameras. Returns it unchanged without epochs, Gaussians or known
+// pixels. The first half of the steps thins out: what no picture needs fades, and faint Gaussians go. The second half
+// makes the others opaque.
 Gaussians fitted_to_inputs(Context& ctx, const Gaussians& start, const std::vector<FitPicture>& pictures,
                            const InputsFit& fit);
 

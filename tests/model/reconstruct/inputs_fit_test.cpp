@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/base/scene.h"
+#include "model/base/scene_edit.h"
 #include "model/fit/fit_recipe.h"
 #include "model/fit/fitter.h"
 #include "model/render/render.h"
@@ -79,11 +80,54 @@ TEST_P(InputsFitTest, StepsOnEveryPictureInTurn) {
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
   EXPECT_EQ(shares.front(), 0);
 
-  Fitter fitter(ctx(), start, static_cast<float>(kNearInObject), {}, options_for_predicted());
-  for (long step = 0; step < 300; ++step) fitter.step(upload(ctx(), pictures[static_cast<std::size_t>(step) % 3]));
-  const Gaussians expected = fitter.gaussians();
+  // Half of the steps with a weight on opacities, then the others without, on what is not faint.
+  const auto steps = [&](const Gaussians& from, const FitOptions& options, std::size_t first) {
+    Fitter fitter(ctx(), from, static_cast<float>(kNearInObject), {}, options);
+    for (std::size_t step = first; step < first + 150; ++step) fitter.step(upload(ctx(), pictures[step % 3]));
+    return fitter.gaussians();
+  };
+  Gaussians expected = steps(start, options_to_thin_out(), 0);
+  const std::size_t before = expected.count;
+  keep(expected, [&, opacities = expected.opacities](std::size_t k) { return opacities[k] >= 0.1f; });
+  EXPECT_LT(expected.count, before);
+  expected = steps(expected, options_for_predicted(), 150);
   EXPECT_EQ(got.means, expected.means);
   EXPECT_EQ(got.sh, expected.sh);
+}
+
+double median(std::vector<float> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+TEST_P(InputsFitTest, FewOpaqueGaussiansReplaceManyFaintOnes) {
+  const std::vector<Camera> cameras = test::orbit(3, kSide);
+  Gaussians truth = scene();
+  for (float& v : truth.opacities) v = 0.9f;
+  const std::vector<Image> images = drawn(truth, cameras);
+  std::vector<FitPicture> pictures;
+  for (std::size_t i = 0; i < cameras.size(); ++i) pictures.push_back(fit_picture(images[i], {}, false, cameras[i]));
+  Gaussians start = truth;
+  for (float& v : start.opacities) v = 0.15f;
+  const Gaussians layer = start;
+  for (int i = 0; i < 5; ++i) append(start, layer);
+  const Gaussians got = fitted_to_inputs(ctx(), start, pictures, {80, {}, {}});
+
+  Fitter fitter(ctx(), start, static_cast<float>(kNearInObject), {}, options_to_thin_out());  // in all steps
+  for (std::size_t step = 0; step < 240; ++step) fitter.step(upload(ctx(), pictures[step % 3]));
+  const Gaussians thinned = fitter.gaussians();
+  EXPECT_LT(got.count, 0.6 * static_cast<double>(thinned.count));
+  EXPECT_GT(median(got.opacities), 1.5 * median(thinned.opacities));
+  EXPECT_LT(off(got, cameras, images), off(start, cameras, images));
+}
+
+TEST_P(InputsFitTest, AFaintSceneStays) {
+  const std::vector<Camera> cameras = test::orbit(1, kSide);
+  Gaussians start = scene();
+  for (float& v : start.opacities) v = 0.03f;
+  const FitPicture picture = fit_picture(drawn(start, cameras)[0], {}, false, cameras[0]);
+  EXPECT_EQ(fitted_to_inputs(ctx(), start, {picture}, {4, {}, {}}).count, start.count);
 }
 
 TEST_P(InputsFitTest, WithoutEpochsOrPicturesTheStartStays) {
