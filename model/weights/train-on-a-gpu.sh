@@ -30,7 +30,7 @@ export LC_ALL
 # Results of PoCL 3.1 with both flavours of the kernels: the shipped model on two solids of seed 4711, white pictures, and a first training step
 # from random weights. A device must come near to them. A new shipped model needs a new first number; one with another picture size also a
 # new second one.
-expected_psnr=24.88 expected_white=10.367 expected_loss=1.0084 expected_gradient=0.0834
+expected_psnr=24.93 expected_white=10.367 expected_loss=1.0084 expected_gradient=0.0834
 
 say() { printf 'train-on-a-gpu: %s\n' "$*" >&2; }
 fail() {
