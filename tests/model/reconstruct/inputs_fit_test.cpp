@@ -130,6 +130,16 @@ TEST_P(InputsFitTest, AFaintSceneStays) {
   EXPECT_EQ(fitted_to_inputs(ctx(), start, {picture}, {4, {}, {}}).count, start.count);
 }
 
+TEST_P(InputsFitTest, WhatFadesCompletelyLeavesAnEmptyScene) {
+  const std::vector<Camera> cameras = test::orbit(1, kSide);
+  Gaussians start = scene();
+  for (float& v : start.opacities) v = 0.006f;  // a little above what is drawn
+  Image white(kSide, kSide, 3);
+  std::fill(white.data.begin(), white.data.end(), 1.0f);
+  const FitPicture picture = fit_picture(white, {}, false, cameras[0]);
+  EXPECT_EQ(fitted_to_inputs(ctx(), start, {picture}, {200, {}, {}}).count, 0U);
+}
+
 TEST_P(InputsFitTest, WithoutEpochsOrPicturesTheStartStays) {
   const std::vector<Camera> cameras = test::orbit(1, kSide);
   const Gaussians start = scene();
