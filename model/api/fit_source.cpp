@@ -212,7 +212,9 @@ FitSource object_source(vsplat_device device, const Photographs& photographs, co
       made.named = std::move(object.named);
       out.make = std::move(object.make);
       out.independent = true;
-      out.predicted = true;
+      const Config& config = vsplat_file(o.model).config;
+      const int epochs = reconstruct_options_of(o, config).fit_epochs.value_or(config.fit_epochs);
+      out.predicted = epochs > 0 ? Predicted::fitted : Predicted::yes;
       return made;
     }
     case VSPLAT_FIT_POINTS: {

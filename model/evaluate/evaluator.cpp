@@ -119,7 +119,8 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
   FitRequest request;
   for (const int view : object.input_views) request.names.push_back(fmt::format("@{}", view));
   const auto make = [&](const std::vector<int>& views) { return reconstructed(object, views); };
-  SceneFit fit(ctx_, object.framed.photographs, {object.framed.placement, make, true, true}, request);
+  const Predicted predicted = config_.taken().fit_epochs > 0 ? Predicted::fitted : Predicted::yes;
+  SceneFit fit(ctx_, object.framed.photographs, {object.framed.placement, make, true, predicted}, request);
   while (fit.step()) {
   }
   Scene scene = fit.result().scene;

@@ -27,14 +27,14 @@ long steps_of(FitQuality quality) {
 }
 
 // Without growth. The learning rates do not depend on the number of steps, which is not known yet.
-FitRecipe for_few(bool predicted) {
+FitRecipe for_few(Predicted predicted) {
   FitRecipe out;
   out.steps = 200;
   out.measure_every = 25;
-  if (predicted)
-    out.options = options_for_predicted();
-  else
+  if (predicted == Predicted::no)
     out.options.drop = 0.1f;  // helps a little
+  else
+    out.options = predicted == Predicted::fitted ? options_for_predicted() : options_to_thin_out();
   out.options.grow_every = 0;
   return out;
 }
@@ -130,7 +130,7 @@ void grow_to(FitRecipe& recipe, long most, long count) {
   o.growth = std::pow(static_cast<double>(most) / static_cast<double>(count), 1 / rounds);
 }
 
-FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count, bool predicted) {
+FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count, Predicted predicted) {
   const bool many = request.whole || views >= kManyViews;
   FitRecipe out = request.whole ? for_whole(request, shown.pixels, count)
                   : many        ? for_many(request.quality, shown.pixels, count)

@@ -29,9 +29,9 @@ struct ShownObject {
 // The number of Gaussians that a dense start is merged to, at most; `object_pixels` as ShownObject::pixels.
 std::size_t merged_count(const FitRequest& request, double object_pixels);
 
-// `views`: the views used, both fitted and held out. `count`: Gaussians of the start. `predicted`: by a network.
+// `views`: the views used, both fitted and held out. `count`: Gaussians of the start.
 FitRecipe fit_recipe(const FitRequest& request, long views, const ShownObject& shown, long count,
-                     bool predicted = false);
+                     Predicted predicted = Predicted::no);
 
 // The number of Gaussians in the steps from `step` to `steps`, on average, with `count` of them at `step`, the last
 // phase's.

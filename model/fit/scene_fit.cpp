@@ -169,7 +169,7 @@ void SceneFit::Impl::begin_phase() {
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
   const ShownObject shown = shown_object(now.views);
-  if (given.predicted && used.size() >= kManyViews)
+  if (given.predicted != Predicted::no && used.size() >= kManyViews)
     scene.gaussians = merged_gaussians(scene.gaussians, merged_count(request, shown.pixels));
   recipe = fit_recipe(request, static_cast<long>(used.size()), shown, static_cast<long>(scene.gaussians.count),
                       given.predicted);

@@ -63,6 +63,10 @@ struct FitRequest {
   bool resume = false;
 };
 
+// Whether a scene is a network's, and if so, whether it was fitted to the network's pictures already
+// (model/reconstruct/inputs_fit.h).
+enum class Predicted { no, yes, fitted };
+
 struct FitStart {
   // The frame of the fit: its centre, and its unit of length as the edge. For an object that is its cube, unless the
   // cube reaches beyond the cameras.
@@ -71,9 +75,9 @@ struct FitStart {
   std::function<Scene(const std::vector<int>& views)> make;
   // Whether such a scene has seen nothing of the other views, so that an improvement on those is a real one.
   bool independent = false;
-  // Whether the scene is a network's, which may have more Gaussians than pictures can show; with many views they are
-  // merged to fewer, with few the recipe is another.
-  bool predicted = false;
+  // A network's scene may have more Gaussians than pictures can show; with many views they are merged to fewer, with
+  // few the recipe is another.
+  Predicted predicted = Predicted::no;
   double cube = 1;  // edge of the object's cube about the centre, in units of the frame
 };
 

@@ -62,16 +62,17 @@ TEST(FitRecipe, LongFitsOfObjectsEndAtRest) {
 
 // Without growth, and with a weight on opacities that leaves what no view needs transparent.
 TEST(FitRecipe, FewViewsMakeFewOpaqueGaussiansOfANetworks) {
-  const FitOptions few = fit_recipe({}, 11, {2000}, 200, true).options,
-                   many = fit_recipe({}, 12, {2000}, 200, true).options;
+  const FitOptions few = fit_recipe({}, 11, {2000}, 200, Predicted::fitted).options,
+                   many = fit_recipe({}, 12, {2000}, 200, Predicted::fitted).options;
   EXPECT_EQ(few.grow_every, 0);
   EXPECT_EQ(fit_recipe({}, 11, {2000}, 200).options.grow_every, 0);
-  EXPECT_EQ(few.opacity_weight, 0);  // what the network made was thinned out already
-  EXPECT_GT(options_to_thin_out().opacity_weight, 10 * many.opacity_weight);
+  EXPECT_EQ(few.opacity_weight, 0);
+  EXPECT_EQ(fit_recipe({}, 11, {2000}, 200).options.opacity_weight, 0);
+  EXPECT_GT(fit_recipe({}, 11, {2000}, 200, Predicted::yes).options.opacity_weight, 10 * many.opacity_weight);
   EXPECT_GT(few.rates.log_scales, many.rates.log_scales);
   FitRequest request;
   request.freeze.opacities = request.freeze.scales = true;
-  const FitRates frozen = fit_recipe(request, 4, {2000}, 200, true).options.rates;
+  const FitRates frozen = fit_recipe(request, 4, {2000}, 200, Predicted::fitted).options.rates;
   EXPECT_EQ(frozen.logits, 0);
   EXPECT_EQ(frozen.log_scales, 0);
   EXPECT_EQ(frozen.quats, few.rates.quats);

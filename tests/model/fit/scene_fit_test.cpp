@@ -116,19 +116,20 @@ TEST_F(SceneFitTest, ADenseStartIsMergedIfThereAreManyViews) {
   for (float& opacity : g.opacities) opacity = 0.03f;
   FitRequest request;
   request.steps = 1;
-  const auto begun_with = [&](bool predicted) {
+  const auto begun_with = [&](Predicted predicted) {
     FitStart from = start();
     from.predicted = predicted;
     return SceneFit(ctx(), photographs_, from, request).progress().gaussians;
   };
-  EXPECT_EQ(begun_with(false), 3000);
-  EXPECT_LE(begun_with(true), 60);
-  EXPECT_GT(begun_with(true), 40);
+  EXPECT_EQ(begun_with(Predicted::no), 3000);
+  EXPECT_LE(begun_with(Predicted::yes), 60);
+  EXPECT_LE(begun_with(Predicted::fitted), 60);
+  EXPECT_GT(begun_with(Predicted::yes), 40);
   request.max_gaussians = 20;
-  EXPECT_LE(begun_with(true), 20);
+  EXPECT_LE(begun_with(Predicted::yes), 20);
   request.max_gaussians = 0;
   request.names = {"@0", "@1", "@2", "@3"};
-  EXPECT_EQ(begun_with(true), 3000);
+  EXPECT_EQ(begun_with(Predicted::yes), 3000);
 }
 
 TEST_F(SceneFitTest, SameBitsThreeTimesAndAnotherSeedOthers) {
